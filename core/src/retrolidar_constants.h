@@ -19,8 +19,8 @@ enum {
 
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
-/* By how much clocks that are tried are off: three deviations, as a microcontroller's oscillator is good to
- * a percent.
+/* By how much clocks that are tried are off: three deviations, as a microcontroller's oscillator is
+ * good to a percent.
  */
 static const double RL_MAX_SKEW = 0.03;
 /* A parameter more, as the gain of a zone, must explain half the logarithm of the

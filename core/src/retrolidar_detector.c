@@ -21,13 +21,12 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     const int rows = settings->kept;
     const int64_t head = aligned((int64_t)sizeof(struct rl_detector));
     const int64_t samples = aligned(rl_samples_bytes(sensor->rows, sensor->columns, rows));
-    const int64_t search = aligned(rl_search_bytes(rows));
-    const int64_t window = aligned(rl_window_bytes(rows));
     const int channels = rl_channels(sensor->rows, sensor->columns);
+    const int64_t search = aligned(rl_search_bytes(channels, rows));
+    const int64_t window = aligned(rl_window_bytes(rows));
     const int64_t residual = aligned(rl_residual_bytes(channels, rows));
     const int64_t values = rows * (int64_t)(sizeof(float) + 1);
-    char *memory =
-        calloc(1, (size_t)(head + samples + search + window + residual + values));
+    char *memory = calloc(1, (size_t)(head + samples + search + window + residual + values));
     if (memory == NULL) {
         return NULL;
     }

@@ -27,9 +27,9 @@ struct kept {
     struct rl_soft_summary summary[RL_TRIED];
 };
 
-int64_t rl_search_bytes(int rows)
+int64_t rl_search_bytes(int channels, int rows)
 {
-    return rl_view_bytes(rows);
+    return rl_view_bytes(channels, rows);
 }
 
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,

@@ -31,7 +31,7 @@ struct rl_search {
 };
 
 /* How much memory a search takes besides, and begin with it. */
-int64_t rl_search_bytes(int rows);
+int64_t rl_search_bytes(int channels, int rows);
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
                      double max_skew, void *memory);
 

@@ -9,21 +9,27 @@
 #include <math.h>
 #include <string.h>
 
-int64_t rl_view_bytes(int rows)
+/* Lanes for so many channels. */
+static int lanes_of(int channels)
 {
-    return (int64_t)(rows + 1) * (4 * RL_MAX_CHANNELS + RL_LANES + 2) * (int64_t)sizeof(float) +
+    return (channels + RL_LANES - 1) / RL_LANES * RL_LANES;
+}
+
+int64_t rl_view_bytes(int channels, int rows)
+{
+    return (int64_t)(rows + 1) * (4 * lanes_of(channels) + RL_LANES + 2) * (int64_t)sizeof(float) +
            RL_LANES * rl_room_bytes(rows);
 }
 
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory)
 {
-    const size_t rows = (size_t)samples->kept + 1;
+    const size_t rows = (size_t)samples->kept + 1, lanes = (size_t)lanes_of(samples->channels);
     view->samples = samples;
     view->light = memory;
-    view->total = view->light + rows * RL_MAX_LANES;
-    view->power = view->total + rows * RL_MAX_LANES;
-    view->valid = view->power + rows * RL_MAX_LANES;
-    view->pivot = view->valid + rows * RL_MAX_LANES;
+    view->total = view->light + rows * lanes;
+    view->power = view->total + rows * lanes;
+    view->valid = view->power + rows * lanes;
+    view->pivot = view->valid + rows * lanes;
     view->begin = view->pivot + rows * RL_LANES;
     view->rate = view->begin + rows;
     void *next = view->rate + rows;
@@ -98,7 +104,7 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
     view->first = rl_samples_row(samples, from_s);
     view->rows = (end < samples->count ? end : samples->count) - view->first;
     view->rows = view->rows < samples->kept ? view->rows : samples->kept;
-    view->lanes = (count + RL_LANES - 1) / RL_LANES * RL_LANES;
+    view->lanes = lanes_of(count);
     for (int row = 0; row < view->rows; row++) {
         const double begin_s = samples->begin_s[view->first + row];
         view->begin[row] = (float)(begin_s - samples->begin_s[view->first]);

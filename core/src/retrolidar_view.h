@@ -66,7 +66,7 @@ struct rl_lane {
     struct rl_soft_summary summary;
 };
 
-int64_t rl_view_bytes(int rows);
+int64_t rl_view_bytes(int channels, int rows);
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory);
 
 /* Look at some channels from one time to another, whitened for steps of the level whose variance is

@@ -211,8 +211,7 @@ static void find_profile(struct rl_window *window)
     double gain[RL_KNOTS], most = 0.0;
     const struct rl_column column = rl_target_column(window->samples, window->channel,
                                                      window->first, window->rows, &window->room);
-    rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows,
-                        gain);
+    rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows, gain);
     for (int knot = 0; knot < RL_KNOTS; knot++) {
         gain[knot] = fmax(gain[knot], 0.0);
         most = fmax(most, gain[knot]);

@@ -1,6 +1,8 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Gains that change, targets and codebook of the core against plain numpy."""
+"""Gains that change, targets, memory and codebook of the core against plain numpy."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from oracle import Sending, light
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 
 
 @pytest.fixture(scope='module')
@@ -20,6 +22,18 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
 
 
 KNOTS = 7
+
+
+@pytest.mark.parametrize('grid', GRIDS.values(), ids=lambda grid: f'{grid.zones} zones')
+def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: ZoneGrid) -> None:
+    sent = recording_of(np.array([0]), np.ones((1, grid.zones)))
+    core.take(replace(sent, grid=grid), LAW, BIT_PERIOD_S)
+    asked = core.lib.rl_view_bytes(core.samples.channels, KEPT)
+    memory = core.ffi.new('char[]', asked)
+    view = core.ffi.new('struct rl_view *')
+    core.lib.rl_view_start(view, core.samples, memory)
+    end = view.room[len(view.room) - 1].valid + KEPT
+    assert core.ffi.cast('char *', end) - memory <= asked
 
 
 @pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
