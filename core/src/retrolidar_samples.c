@@ -15,26 +15,17 @@ static const double MIN_EXPOSURE_S = 1e-6;
 static int channels_of(int rows, int columns, struct rl_channel *channel)
 {
     int count = 0;
-    for (; count < rows * columns; count++) {
-        channel[count].zones = 1;
-        channel[count].zone[0] = (uint8_t)count;
-    }
-    for (int row = 0; row + 1 < rows; row++) {
-        for (int column = 0; column + 1 < columns; column++) {
-            const int corner = row * columns + column;
-            const int block[4] = {corner, corner + 1, corner + columns, corner + columns + 1};
-            channel[count].zones = 4;
-            for (int i = 0; i < 4; i++) {
-                channel[count].zone[i] = (uint8_t)block[i];
+    for (int side = 1; side <= RL_MAX_SIDE; side++) {
+        for (int corner = 0; corner < rows * columns; corner++) {
+            if (corner / columns + side <= rows && corner % columns + side <= columns) {
+                for (int i = 0; i < side * side; i++) {
+                    channel[count].zone[i] = (uint8_t)(corner + i / side * columns + i % side);
+                }
+                channel[count++].zones = side * side;
             }
-            count++;
         }
     }
-    channel[count].zones = rows * columns;
-    for (int zone = 0; zone < rows * columns; zone++) {
-        channel[count].zone[zone] = (uint8_t)zone;
-    }
-    return count + 1;
+    return count;
 }
 
 int64_t rl_samples_bytes(int rows, int columns, int kept)

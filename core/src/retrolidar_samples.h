@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The newest samples of all zones, placed by their times, and of sums of zones beside them. */
+/* The newest samples of all zones, placed by their times, and of sums of zones. */
 #ifndef RETROLIDAR_SAMPLES_H
 #define RETROLIDAR_SAMPLES_H
 
@@ -11,7 +11,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { RL_MAX_CHANNELS = 114 }; /* zones, blocks of 2x2, the whole view */
+enum {
+    RL_MAX_SIDE = 4,       /* of a square of zones that are summed, as wide as the view of 4x4 */
+    RL_MAX_CHANNELS = 174, /* all squares of 8x8 zones */
+};
 
 /* In place of the stamp of a frame: 0 is one like others. */
 #define RL_NO_FRAME INT64_MIN
@@ -21,7 +24,7 @@ enum { RL_MAX_CHANNELS = 114 }; /* zones, blocks of 2x2, the whole view */
  */
 struct rl_channel {
     int zones; /* how many it sums */
-    uint8_t zone[RL_MAX_ZONES];
+    uint8_t zone[RL_MAX_SIDE * RL_MAX_SIDE];
 };
 
 /* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and channels,
@@ -66,7 +69,11 @@ static inline size_t rl_sample(const struct rl_samples *samples, int channel, in
 /* Channels of a sensor. */
 static inline int rl_channels(int rows, int columns)
 {
-    return rows * columns + (rows - 1) * (columns - 1) + 1;
+    int count = 0;
+    for (int side = 1; side <= RL_MAX_SIDE && side <= rows && side <= columns; side++) {
+        count += (rows - side + 1) * (columns - side + 1);
+    }
+    return count;
 }
 
 /* How much memory the arrays take, and where they begin in it, all zeros at first. */

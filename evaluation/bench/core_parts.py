@@ -75,6 +75,9 @@ PARTS = {
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
+    'sums of more than 2x2 zones': Part(
+        'process_frame', 'true, RL_MAX_ZONES, channels', 'true, 4, channels'
+    ),
     'word test: bits turned': Part(
         'word', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
     ),

@@ -142,7 +142,7 @@ def test_likelihoods_of_sums_of_zones(core: Statistics) -> None:
     rng = np.random.default_rng(10)
     sent = random_recording(rng, 1)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
-    for source, zones in ((17, 4), (25, 16)):  # a block, and the whole view
+    for source, zones in ((17, 4), (25, 9), (29, 16)):  # squares, up to the whole view
         null, rows = core.open(SILENCE_S - 0.4, SILENCE_S + PACKET_S, source)
         held = core.rows(source).zone(replace(LAW, floor=LAW.floor * zones), rows)
         assert_agrees(core, held, null, around(sent.sendings[0], rng))
