@@ -7,71 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
-from evaluation.bench.judging import BOTH, judged, watch
-from evaluation.bench.places import (
-    markers_at,
-    random_pose,
-    rotation,
-    sees_all,
-    to_sensor,
-    to_world,
-    view_from,
-)
+from evaluation.bench.judging import watch
+from evaluation.bench.places import random_pose, view_from
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
 from evaluation.experiments import coffee
-from evaluation.experiments.moving import across
-from evaluation.experiments.time_to_id import (
-    VIEW_S,
-    appearing,
-    first_ids,
-    needed_bits,
-    time_by_which,
-)
+from evaluation.experiments.time_to_id import needed_bits, time_by_which
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.tasks.reading import SensorPose
 
 WORLD = load_scene('coffee')
-ANGLES = st.floats(-math.pi, math.pi)
-
-
-@given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
-def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
-    pose = SensorPose(np.array([0.1, -0.2, 0.05]), rotation(yaw, pitch, roll))
-    assert np.linalg.det(pose.rotation) == pytest.approx(1)
-    seen_m = to_sensor(pose, markers_at(WORLD))
-    assert to_world(pose, seen_m) == pytest.approx(markers_at(WORLD))
-
-
-def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
-    grid = ZoneGrid()
-    middles = np.append(grid.tangents, np.ones((grid.zones, 1)), axis=1)
-    assert sees_all(middles, grid)
-    assert not sees_all(-middles, grid)
-    assert not sees_all(middles * [1.2, 1, 1], grid)
-    assert not sees_all(middles[[0, 0, 1]], grid)
-
-
-def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
-    scene = view_from(SensorPose(np.zeros(3), rotation(0, 0, 0)), WORLD, np.random.default_rng(0))
-    assert markers_at(scene) == pytest.approx(markers_at(WORLD))
-    shown, shipped = (
-        {zone: one.distance_m for one in view.surfaces for zone in one.zones or ()}
-        for view in (scene, WORLD)
-    )
-    assert set(shown) == set(range(16))
-    assert shown == pytest.approx(shipped, abs=0.02)
 
 
 def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
@@ -117,28 +69,6 @@ def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
         assert last_s <= start_s + PACKET_BITS * BIT_PERIOD_S + 0.011
 
 
-def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() -> None:
-    hand = record(replace(PLAIN, hand_s=0.3), 150.0, np.random.default_rng(0))
-    near = hand.recording.distance < 0.3
-    middles_s = [hand.recording.stamp_ns[near[:, zone]].mean() * 1e-9 for zone in range(16)]
-    assert middles_s == pytest.approx(hand.start_s + hand.packet_s / 2, abs=0.02)
-    assert near.sum(axis=0) * 0.021 == pytest.approx(np.full(16, 0.3), abs=0.05)
-    wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0))
-    dark = wall.recording.signal.min(axis=0)
-    assert dark == pytest.approx(np.full(16, 77.0), abs=25)
-
-
-def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
-    rng = np.random.default_rng(3)
-    path = across(0.4, 1.0, rng)
-    sent = record(PLAIN, 360.0, rng, range_m=1.0, repeated_s=8.0, path=path)
-    speeds = np.abs(np.diff(path(np.arange(0, 8, 0.01))[:, 0])) / 0.01
-    assert np.median(speeds) == pytest.approx(0.4)
-    seen = sent.recording.signal.argmax(axis=1)[sent.recording.signal.max(axis=1) > 100]
-    assert len(np.unique(seen % 4)) == 4
-    assert judged(sent, BOTH['joint'], lone=False).right.shape == (1,)
-
-
 @pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
 def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
     duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
@@ -155,17 +85,6 @@ def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
 def test_time_by_which_a_share_is_identified() -> None:
     times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
     assert (time_by_which(0.5, times_s), time_by_which(0.9, times_s)) == (3.0, None)
-
-
-def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
-    sent = appearing(1.0, np.random.default_rng(3))
-    before = sent.recording.stamp_ns < VIEW_S * 1e9
-    assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
-    times_s, wrong = first_ids(sent, BOTH['joint'])
-    assert np.isfinite(times_s).all()
-    # Seven bits of the preamble and twelve of the ID.
-    assert times_s.min() > 19 * BIT_PERIOD_S
-    assert wrong <= 1  # a packet that comes into view half sent may look like another
 
 
 def test_bits_that_tell_ids_apart() -> None:
