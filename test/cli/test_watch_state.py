@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from harness_wire import make_frame
-from numpy.typing import NDArray
 
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import (
@@ -105,15 +104,14 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
     assert np.delete(blinking, ZONE).max() < 3
     known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
     assert known.zone is None
-    assert 'no zone blinks' in line(known)
     assert 'no zone blinks' in screen(known)
 
 
 def test_the_zone_that_blinks_most_is_chosen_and_read() -> None:
-    state = watch_of(list(Simulation(SCENE).advance(200)))
-    known = state.snapshot()
+    frames = list(Simulation(SCENE).advance(200))
+    known = watch_of(frames[:20] + frames[23:]).snapshot()
     assert (known.zone, known.trouble) == (ZONE, '')
-    assert (known.frames, known.lost, known.damaged) == (200, 0, 0)
+    assert (known.frames, known.lost, known.damaged) == (197, 3, 0)
     assert known.bits is not None
     (reading,) = known.readings
     assert (reading.detection.id, reading.detection.zones[0]) == (ID, ZONE)
@@ -147,11 +145,6 @@ def test_trouble_is_reported_with_what_may_be_the_reason() -> None:
     state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     nothing = 'nothing comes: is the sensor started, and the baud rate right? (3 s)'
     assert state.snapshot().trouble == nothing
-    source._bytes += 14
-    assert 'but 14 bytes: another baud rate or protocol?' in state.snapshot().trouble
-    reader.counts.withheld += 1
-    assert 'frames come without signal' in state.snapshot().trouble
-    reader.counts.withheld -= 1
     reader.feed(b'\x0012 | 345 : 6\r\n\0')
     known = state.snapshot()
     assert known.damaged == 1
@@ -170,15 +163,9 @@ def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:
     assert known.frame is not None
     assert known.frame.grid == ZoneGrid(8, 8)
     assert known.modulation_db.shape == (64,)
-    assert watch_of(small, zone=3).snapshot().zone == 3
     assert watch_of(large, zone=16).snapshot().zone == 16
     with pytest.raises(ValueError, match=r'--zone 16: the sensor has 4x4 zones, 0 to 15'):
         watch_of(small, zone=16)
-
-
-def test_missing_frames_are_counted() -> None:
-    frames = list(Simulation(SCENE).advance(50))
-    assert watch_of(frames[:20] + frames[23:]).snapshot().lost == 3
 
 
 def snapshot(grid: ZoneGrid, zone: int | None = None) -> Snapshot:
@@ -205,17 +192,13 @@ def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None
     assert len({len(text) for text in lines if text.count('|') == grid.columns - 1}) == 1
 
 
-def bits_of(hard: NDArray[np.uint8]) -> NewestBits:
-    return NewestBits(np.where(hard == 1, 10.0, 110.0), 10.0, 110.0)
-
-
 def test_bits_are_drawn_dark() -> None:
-    bits = bits_of(np.roll(packet(ID), -5))
+    sent = packet(ID)
+    bits = NewestBits(np.where(sent == 1, 10.0, 110.0), 10.0, 110.0)
     bits.signal[30] = np.nan
     lines = screen(replace(snapshot(ZoneGrid(), 9), bits=bits))
     (drawn,) = (text for text in lines if text.startswith('  bits'))
-    sent = np.roll(packet(ID), -5)[:30]
-    dark = ''.join(DARK if bit else BRIGHT for bit in sent)
+    dark = ''.join(DARK if bit else BRIGHT for bit in sent[:30])
     assert drawn.split()[1] == dark + ERASED
 
 
@@ -232,5 +215,3 @@ def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:
     assert fitted(lines, 7, 1) == ['enlarge']
     large = screen(snapshot(ZoneGrid(8, 8)))
     assert fitted(large, 80, 40)[-1] == f'enlarge the terminal to 95x{len(large)}'
-    troubled = screen(replace(snapshot(ZoneGrid(), 9), trouble='a ' * 79, readings=readings))
-    assert fitted(troubled, 80, 21)[-1] == 'enlarge the terminal to 80x22'
