@@ -33,22 +33,11 @@ def test_zone_centres_are_those_of_the_sensor(grid: ZoneGrid, centres_deg: list[
 
 
 @both_grids
-def test_field_of_view_is_that_of_the_sensor(grid: ZoneGrid) -> None:
-    edge = grid.tangents.max() + grid.pitch / 2
-    assert 2 * np.rad2deg(np.arctan(edge)) == pytest.approx(46.5, abs=0.05)
-    assert 2 * np.rad2deg(np.arctan(np.sqrt(2) * edge)) == pytest.approx(62.6, abs=0.1)
-
-
-@both_grids
-def test_directions_are_unit_vectors_to_the_zone_centres_from_the_top_left(grid: ZoneGrid) -> None:
+def test_directions_are_unit_vectors_to_the_zone_centres(grid: ZoneGrid) -> None:
     assert grid.zones == grid.rows * grid.columns == len(grid.directions)
     np.testing.assert_allclose(np.linalg.norm(grid.directions, axis=1), 1, rtol=1e-12)
     np.testing.assert_allclose(grid.directions[:, :2] / grid.directions[:, 2:], grid.tangents)
-    x, y, z = grid.directions.reshape(grid.rows, grid.columns, 3).transpose(2, 0, 1)
-    assert max(x[0, 0], y[0, 0]) < 0
-    assert (np.diff(x, axis=1) > 0).all()
-    assert (np.diff(y, axis=0) > 0).all()
-    assert (z > 0.85).all()
+    assert (grid.directions[:, 2] > 0.85).all()
 
 
 @both_grids

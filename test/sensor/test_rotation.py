@@ -54,13 +54,6 @@ def test_length_and_sign_do_not_matter(quaternion: Floats, length: float, sign: 
     assert matrix_of(sign * length * quaternion) == pytest.approx(matrix_of(quaternion), abs=EXACT)
 
 
-@given(quaternions, st.integers(0, 2**32 - 1))
-def test_noise_on_a_matrix_moves_its_quaternion_as_little(quaternion: Floats, seed: int) -> None:
-    noise = 1e-6 * np.random.default_rng(seed).standard_normal((3, 3))
-    found = quaternion_of(matrix_of(quaternion) + noise)
-    assert abs(found @ quaternion) > 1 - 1e-10
-
-
 @given(axis=quaternions, angle=st.floats(0, np.pi - 1e-3))
 def test_a_turn_of_less_than_half_is_found_in_its_matrix(axis: Floats, angle: float) -> None:
     length = np.linalg.norm(axis[:3])
