@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments are made of: places, recordings, and when IDs are known."""
+"""What experiments are made of: places, recordings, when IDs are known, trials of landmarks."""
 
 import math
 from dataclasses import replace
@@ -8,19 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evaluation.bench import landmark_parts, landmark_trials
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
 from evaluation.bench.judging import watch
+from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
 from evaluation.bench.places import random_pose, view_from
-from evaluation.bench.recordings import SILENCE_BITS, record
-from evaluation.bench.stresses import PLAIN, STRESSES, Stress
+from evaluation.bench.recordings import record
+from evaluation.bench.stresses import STRESSES, Stress
 from evaluation.experiments import coffee
 from evaluation.experiments.time_to_id import needed_bits, time_by_which
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
+from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.model import Status
 
 WORLD = load_scene('coffee')
@@ -58,17 +60,6 @@ def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
         assert (first.seconds != first.ids).all()
 
 
-def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
-    sent = record(PLAIN, 600.0, np.random.default_rng(0))
-    assert sent.start_s.min() >= SILENCE_BITS * BIT_PERIOD_S
-    time_s = sent.recording.stamp_ns * 1e-9
-    dark = sent.recording.signal < WALL_SIGNAL + 300
-    for zone, start_s in enumerate(sent.start_s):
-        first_s, last_s = time_s[dark[:, zone]][[0, -1]]
-        assert first_s == pytest.approx(start_s, abs=0.022)
-        assert last_s <= start_s + PACKET_BITS * BIT_PERIOD_S + 0.011
-
-
 @pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
 def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
     duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
@@ -99,3 +90,20 @@ def test_bits_that_tell_ids_apart() -> None:
         ]
         excluded = np.min(differing, axis=0) >= 2
         assert needed[start] == 1 + np.argmax(excluded)
+
+
+@pytest.mark.parametrize('part', landmark_parts.PARTS)
+def test_what_a_part_is_switched_off_by_exists(part: str) -> None:
+    for target, attribute, _ in landmark_parts.PARTS[part]:
+        assert hasattr(target, attribute), f'{part}: there is no {attribute}'
+
+
+def test_an_object_a_drone_and_a_robot_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(landmark_trials, 'FLIGHT_S', 10.0)
+    rng = np.random.default_rng(1)
+    tilt_deg, off_m = tilt_trial(math.radians(15), rng), room_trial(rng)
+    assert tilt_deg is not None
+    assert tilt_deg[0] < 2
+    assert off_m is not None
+    assert off_m < 0.1
+    assert np.median([one.position_m for one in drone_trial(rng)[3:]]) < 0.05
