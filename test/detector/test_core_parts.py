@@ -15,12 +15,6 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, pack
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 
-
-@pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
-    return Statistics(tmp_path_factory)
-
-
 KNOTS = 7
 
 

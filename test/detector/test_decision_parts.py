@@ -17,11 +17,6 @@ PACKET_S = PACKET_BITS * BIT_PERIOD_S
 START_S = 1.0
 
 
-@pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
-    return Statistics(tmp_path_factory)
-
-
 class Marker(NamedTuple):
     """A marker before a wall, of which so many packets are judged."""
 

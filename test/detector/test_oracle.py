@@ -37,11 +37,6 @@ ABOUT = 3.0
 EXPOSURES = (PERIOD_S * np.arange(80), PERIOD_S * np.arange(1, 81))
 
 
-@pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
-    return Statistics(tmp_path_factory)
-
-
 class Sent(NamedTuple):
     """A recording, and what was sent in each of its zones."""
 
