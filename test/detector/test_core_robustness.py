@@ -2,13 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
 
+import importlib
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from harness_core import PROGRAMS, SOURCES, compile_core
 from harness_firmware import need, printed, run
+
+from retrolidar_ros import core
 
 STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
 RUNS = ((0, 7, 200), (1140, 1, 1200))
@@ -72,3 +77,37 @@ def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> 
     for source in SOURCES.glob('*.c'):
         made = ('-c', source, '-o', tmp_path / 'one.o')
         printed(compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', *made)
+
+
+ROOT = Path(__file__).resolve().parents[2]
+TIME_LIMIT_S = 60.0
+
+
+def test_arguments_that_the_types_do_not_hold_are_refused() -> None:
+    assert core.lib.rl_packet(2073) >> core.lib.RL_WORD_BITS == core.lib.RL_PREAMBLE
+    with pytest.raises(OverflowError):
+        core.lib.rl_packet(2**16)
+
+
+def test_a_missing_core_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'retrolidar_ros._core', None)
+    with pytest.raises(ImportError, match=r'compiled core is missing.*build-essential') as caught:
+        importlib.reload(core)
+    assert '\n' not in str(caught.value)
+
+
+def test_an_installation_without_a_compiler_says_what_to_install(tmp_path: Path) -> None:
+    pytest.importorskip('cffi')
+    pytest.importorskip('setuptools')
+    build = ['build_ext', '--build-temp', str(tmp_path), '--build-lib', str(tmp_path)]
+    ended = subprocess.run(
+        [sys.executable, 'setup.py', *build],
+        cwd=ROOT,
+        env={**os.environ, 'CC': '/nonexistent'},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIME_LIMIT_S,
+    )
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines()[-1].startswith('error: retrolidar_ros needs a C compiler')

