@@ -135,11 +135,7 @@ IMPOSSIBLE: list[tuple[str, Any, str]] = [
     ('pose.covariance', np.full(36, 1e300), INFINITE),
     ('pose.covariance', np.zeros(36), FLAT),
     ('pose.covariance', -np.eye(6).ravel(), FLAT),
-    (
-        'pose.covariance',
-        np.eye(6, k=1).ravel() + np.eye(6).ravel(),
-        'the covariance is not symmetric',
-    ),
+    ('pose.covariance', np.triu(np.ones((6, 6))).ravel(), 'the covariance is not symmetric'),
 ]
 """A field of a detection, what it cannot be, and the reason for which that is refused."""
 
