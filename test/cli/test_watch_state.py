@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_wire import make_frame
+from harness_frames import make_frame
 
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import (

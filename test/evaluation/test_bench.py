@@ -1,9 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments are made of: places, recordings, when IDs are known, trials of landmarks."""
+"""What experiments are made of: places, recordings, times, landmarks, visual markers."""
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +17,10 @@ from evaluation.bench.places import random_pose, view_from
 from evaluation.bench.recordings import record
 from evaluation.bench.stresses import STRESSES, Stress
 from evaluation.experiments import coffee
-from evaluation.experiments.time_to_id import needed_bits, time_by_which
+from evaluation.experiments.time_to_id import time_by_which
+from evaluation.peers.camera import Background
+from evaluation.peers.visual_markers import AprilTagReader, View, find_readers, read_pictures
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import PACKET_BITS, packet
-from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.reference import SENSOR
@@ -78,20 +79,6 @@ def test_time_by_which_a_share_is_identified() -> None:
     assert (time_by_which(0.5, times_s), time_by_which(0.9, times_s)) == (3.0, None)
 
 
-def test_bits_that_tell_ids_apart() -> None:
-    ids = np.random.default_rng(3).choice(USABLE_IDS, 3, replace=False)
-    needed = needed_bits(ids)
-    own, *others = (packet(np.array([one]))[0] for one in ids)
-    for start in range(PACKET_BITS):
-        differing = [
-            np.cumsum(np.roll(own, -start) != np.roll(other, -turn))
-            for other in others
-            for turn in range(PACKET_BITS)
-        ]
-        excluded = np.min(differing, axis=0) >= 2
-        assert needed[start] == 1 + np.argmax(excluded)
-
-
 @pytest.mark.parametrize('part', landmark_parts.PARTS)
 def test_what_a_part_is_switched_off_by_exists(part: str) -> None:
     for target, attribute, _ in landmark_parts.PARTS[part]:
@@ -107,3 +94,25 @@ def test_an_object_a_drone_and_a_robot_are_located(monkeypatch: pytest.MonkeyPat
     assert off_m is not None
     assert off_m < 0.1
     assert np.median([one.position_m for one in drone_trial(rng)[3:]]) < 0.05
+
+
+class Liar(AprilTagReader):
+    """Reads another ID than is there."""
+
+    def read(self, picture: Any, centre_px: Any, size_m: float) -> Any:
+        (seen,) = super().read(picture, centre_px, size_m)
+        return [seen._replace(id=seen.id + 1)]
+
+
+def test_right_and_wrong_ids_of_visual_markers_are_counted() -> None:
+    rng = np.random.default_rng(3)
+    true, liar = find_readers()[0], Liar('liar', 2.0)
+    results = read_pictures([*true, liar], Background(rng), 4, rng, View(0.6))
+    for reader in true:
+        found = results[reader.name]
+        assert (found['right']['hits'], found['wrong']['hits']) == (4, 0)
+        assert found['error_mm'] is not None
+        assert found['error_mm']['largest'] < 6
+    found = results[liar.name]
+    assert (found['right']['hits'], found['wrong']['hits']) == (0, 4)
+    assert found['error_mm'] is None

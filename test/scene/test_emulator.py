@@ -13,8 +13,8 @@ from threading import Event
 
 import numpy as np
 import pytest
+from harness_frames import sequences
 from harness_serial import listen
-from harness_wire import sequences
 
 from retrolidar_ros.bag import read_frames as read_bag
 from retrolidar_ros.scene import Scene, Simulation

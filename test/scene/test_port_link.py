@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 import serial
+from harness_frames import make_packets, sequences
 from harness_serial import listen
-from harness_wire import make_packets, sequences
 
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.emulator import PortLink, emulate

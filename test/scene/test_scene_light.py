@@ -14,7 +14,7 @@ from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.scene.description import Marker, Wander
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges
+from retrolidar_ros.scene.transmission import Transmission
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.settings.section import Triple
 
@@ -113,10 +113,6 @@ RESPONSE = Response(dark_s=0.5e-3, bright_s=3.5e-3)
 SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')
 MARKER = replace(SHARP, response=RESPONSE)
 ENDS_DARK = next(identity for identity in range(1, 4095) if packet(identity)[-1])
-
-
-def mean(marker: Marker, middle_s: Floats, exposure_s: float) -> Floats:
-    return Transmission.of(marker).mean(exposure_edges(middle_s, exposure_s))
 
 
 def relaxed(marker: Marker, until_s: float, step_s: float) -> tuple[Floats, Floats]:

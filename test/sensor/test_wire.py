@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness_wire import (
+from harness_frames import (
     SENSOR_TIME_US,
     ZONES,
     content_of,
