@@ -6,18 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_detector import (
-    GRID,
-    ID,
-    OTHER_ID,
-    ZONE,
-    a_scene,
-    and_another,
-    ids,
-    lone,
-    run,
-    simulate,
-)
+from harness_detector import GRID, ID, OTHER_ID, ZONE, a_scene, ids, lone, run, simulate
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
@@ -34,7 +23,11 @@ def test_two_markers_are_read_at_once_or_counted_as_not_registered(
     registered: list[int] | None, read: list[int]
 ) -> None:
     detector = create_detector('paper', GRID, registered_ids=registered)
-    detections = run(simulate(and_another(a_scene())), detector)
+    scene = a_scene()
+    (one,) = scene.markers
+    # A little later and in another zone.
+    other = replace(one, id=OTHER_ID, position_m=(0.39, -0.39, 1.2), start_s=2.3)
+    detections = run(simulate(replace(scene, markers=(one, other))), detector)
     assert ids(detections) == read
     assert {(d.id, d.zones[0]) for d in detections} <= {(ID, ZONE), (OTHER_ID, 3)}
     counts = detector.counts
