@@ -16,9 +16,9 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from harness_landmarks import CORNERS, FIXED, HAND, MUG_M, Hand, check_landmarks, squared
 from harness_nodes import System, running
 from harness_observer import LATCHED, RELIABLE, values_of
+from harness_tasks import CORNERS, FIXED, HAND, MUG_M, Hand, check_landmarks, squared
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
