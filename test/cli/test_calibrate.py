@@ -54,6 +54,8 @@ HAND = {
 @pytest.mark.parametrize(
     ('content', 'sentence'),
     [
+        ({'sensor': {**SENSOR, 'zones': '8x8', 'period': '66.7 ms'}}, 'and not one to eight'),
+        ({'sensor': {**SENSOR, 'period': '33.3 ms'}, 'markers': [FAINT]}, 'two are read farther'),
         ({'markers': [{**MARKER, 'contrast': '1 %'}]}, 'check polarisers and voltage'),
         (
             {'sensor': {**SENSOR, 'saturation': '40 kcps/SPAD'}, 'markers': [NEAR], 'surfaces': []},
@@ -117,7 +119,9 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
     [
         ('/**/detector: {ros__parameters: {bitperiod: 1}}', 'bitperiod: no such parameter'),
         ('/**/detector: {ros__parameters: {bit_period: x}}', "'x' is not of type float"),
+        ('/**/detector: {ros__parameters: {bit_period: 99.0}}', '99.0 is not within 0.002 to 10'),
         ('/**/detector: {bit_period: 1}', 'has no ros__parameters'),
+        ('[]', 'is no parameter file'),
         ('{markers: {id: 1}}', 'is no parameter file'),
     ],
 )

@@ -109,9 +109,11 @@ def test_a_damaged_bag_is_used_up_to_the_damage_and_gives_exit_code_2(
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('calibrate BAG -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
+        ('demo nowhere', '.*no scene nowhere'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),
         ('ids --check 3,4096', r'marker ID 4096 is outside 0\.\.4095'),
         ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
+        ('budget --distance 2km', "--distance: '2km' is in km; it needs m or cm or mm"),
         ('budget --queries 1e4', '--queries: 10000 .* 0 to 2765'),
     ],
 )
@@ -130,11 +132,13 @@ def test_unusable_input_is_one_line(
     [
         ('decode bag --method magic', 'choose from'),
         ('emulate coffee --bag bag --duration nan', "'nan' is"),
+        ('plot bag -o no/such/x.png', 'there is no directory no/such; make it first'),
         ('record port -o no/such/bag', 'there is no directory no/such; make it first'),
         ('watch port --zone 64', '64 is no zone'),
         ('watch port --zone x', 'x is no zone: they are 0 to 15, or 0 to 63'),
         ('watch port --bit-period 11', '11.0 is not within'),
         ('ids', 'one of the arguments --count --check is required'),
+        ('ids --count 3 --check 3,17', 'not allowed with'),
         ('ids --check 3,,17', "'3,,17' is no list of IDs such as 3,17,42"),
     ],
 )
@@ -145,7 +149,8 @@ def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output)
     assert error.startswith(f'retrolidar {arguments.split()[0]}: ')
     assert message in error
     assert 1 <= len(more) <= 3
-    assert '--help' in more[0] or 'required' in error or more[0].strip().startswith(('-', 'ID'))
+    is_told = 'required' in error or 'allowed' in error
+    assert is_told or '--help' in more[0] or more[0].strip().startswith(('-', 'ID'))
 
 
 def test_versions_scenes_and_units(bag: Path, capsys: Output) -> None:

@@ -104,6 +104,7 @@ def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
     assert np.delete(blinking, ZONE).max() < 3
     known = watch_of(list(Simulation(replace(SCENE, markers=())).advance(100))).snapshot()
     assert known.zone is None
+    assert 'no zone blinks' in line(known)
     assert 'no zone blinks' in screen(known)
 
 
@@ -145,6 +146,11 @@ def test_trouble_is_reported_with_what_may_be_the_reason() -> None:
     state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     nothing = 'nothing comes: is the sensor started, and the baud rate right? (3 s)'
     assert state.snapshot().trouble == nothing
+    source._bytes += 14
+    assert 'but 14 bytes: another baud rate or protocol?' in state.snapshot().trouble
+    reader.counts.withheld += 1
+    assert 'frames come without signal' in state.snapshot().trouble
+    reader.counts.withheld -= 1
     reader.feed(b'\x0012 | 345 : 6\r\n\0')
     known = state.snapshot()
     assert known.damaged == 1
@@ -163,6 +169,7 @@ def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:
     assert known.frame is not None
     assert known.frame.grid == ZoneGrid(8, 8)
     assert known.modulation_db.shape == (64,)
+    assert watch_of(small, zone=3).snapshot().zone == 3
     assert watch_of(large, zone=16).snapshot().zone == 16
     with pytest.raises(ValueError, match=r'--zone 16: the sensor has 4x4 zones, 0 to 15'):
         watch_of(small, zone=16)
@@ -213,5 +220,7 @@ def test_a_picture_that_is_cut_says_what_size_it_needs() -> None:
     assert narrow[:-1] == [text[:60] for text in lines[:-1]]
     assert narrow[-1] == 'enlarge the terminal to 80x21'
     assert fitted(lines, 7, 1) == ['enlarge']
+    troubled = screen(replace(snapshot(ZoneGrid(), 9), trouble='a ' * 79, readings=readings))
+    assert fitted(troubled, 80, 21)[-1] == 'enlarge the terminal to 80x22'
     large = screen(snapshot(ZoneGrid(8, 8)))
     assert fitted(large, 80, 40)[-1] == f'enlarge the terminal to 95x{len(large)}'

@@ -53,6 +53,15 @@ def test_lost_frames_are_a_gap_and_not_a_shift() -> None:
     assert detection.start_ns == pytest.approx(2.0e9, abs=25e6)
 
 
+def test_abnormal_samples_are_not_believed() -> None:
+    signal, distance, status = lone().signal.copy(), lone().distance.copy(), lone().status.copy()
+    hit = np.random.default_rng(5).random(signal.shape) < 0.05
+    signal[hit], distance[hit], status[hit] = 1000.0, 3.9, Status.SIGMA_TOO_HIGH
+    garbage = replace(lone(), signal=signal, distance=distance, status=status)
+    (detection,) = (detection for detection in run(garbage) if detection.id == ID)
+    assert detection.place.range_m == pytest.approx(1.2, abs=2e-3)
+
+
 def test_range_is_the_mean_of_all_distances_of_the_packet() -> None:
     distance = np.random.default_rng(6).uniform(1, 2, lone().distance.shape).astype(np.float32)
     distance[::7] = np.nan
@@ -67,6 +76,17 @@ def test_a_marker_between_zones_is_one_detection_with_the_stronger_zone_first() 
     scene = a_scene(position_m=(0.004, 0.13, 1.2))  # most of it right of the middle
     (detection,) = run(simulate(scene))
     assert detection.zones == (10, 9)
+
+
+def test_candidates_are_counted_as_read_or_rejected() -> None:
+    detector = create_detector('paper', GRID, likelihood_threshold=0.2)
+    detections = run(simulate(replace(a_scene(), markers=()), 60.0), detector)
+    counts = detector.counts
+    assert counts.candidates > 20
+    assert counts.candidates == counts.accepted + sum(counts.rejected.values())
+    # The code alone does not reject noise: 56.8 % of all words decode.
+    assert 0.3 < counts.accepted / counts.candidates < 0.8
+    assert 0 < len(detections) <= counts.accepted
 
 
 def test_nothing_is_seen_where_nothing_blinks() -> None:

@@ -70,6 +70,12 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     )
     assert figures['run']['quick'] is True
     assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+    _, *lines, end = words.split('\n')
+    assert not end
+    rows = [line.count(' | ') for line in lines if line.startswith('| ')]
+    claims = [line.count(' | ') for line in lines if not line.startswith('|')]
+    assert len({*rows}) <= 1
+    assert {*claims} <= {2}
 
 
 def test_hours_without_a_marker_add_up_from_run_to_run(

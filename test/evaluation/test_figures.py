@@ -7,6 +7,7 @@ import math
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,14 @@ def test_poisson_intervals(events: int, low: float, high: float) -> None:
     measured = frequency(events, 2.0)
     assert measured['per_hour'] == events / 2
     assert (measured['low'], measured['high']) == pytest.approx((low / 2, high / 2), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('count', 'of'), [(rate, (0, 0)), (rate, (6, 5)), (frequency, (-1, 1.0)), (frequency, (1, 0.0))]
+)
+def test_impossible_counts(count: Callable[..., object], of: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=r'trials|events'):
+        count(*of)
 
 
 def test_a_level_is_crossed_between_two_places() -> None:

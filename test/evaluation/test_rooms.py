@@ -2,18 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random rooms: the same by their seed, true to what they say was sent, and scored by that."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from evaluation.bench import rooms
-from evaluation.bench.room_markers import FOREIGN, MOTIONS, Course, foreign_marker, own_marker
+from evaluation.bench.room_markers import (
+    FOREIGN,
+    MOTIONS,
+    SENDINGS,
+    Course,
+    foreign_marker,
+    own_marker,
+)
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
-from evaluation.bench.room_truth import Scored, packets_of, score
+from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
 from evaluation.experiments.rooms import counted, summary
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
@@ -62,6 +70,40 @@ def test_a_room_is_that_of_its_seed() -> None:
     assert not any(np.array_equal(frames[0].signal, other.signal) for other in frames[2:])
     alone, again = (rooms.play(number=3, seed=7) for _ in range(2))
     assert alone.scored == again.scored
+
+
+def test_all_that_is_named_is_drawn() -> None:
+    drawn = [draw_room(np.random.default_rng([1, number])) for number in range(150)]
+    markers = [marker for room in drawn for marker in room.markers]
+    assert {marker.sending for marker in markers} == {*SENDINGS, *FOREIGN}
+    assert {marker.course.motion for marker in markers} == set(MOTIONS)
+    assert any(math.isfinite(marker.present_s[0]) for marker in markers)
+    assert {len(room.markers) for room in drawn} == {1, 2, 3, 4, 16}
+    assert {room.scene.sensor.grid.rows for room in drawn} == {4, 8}
+    assert {room.cloth[0] > 0 for room in drawn} == {True, False}
+    for what in ('surfaces', 'moving_surfaces'):
+        assert {bool(getattr(room.scene, what)) for room in drawn} == {True, False}
+    for what in ('lost', 'abnormal', 'jitter_s'):
+        assert {getattr(room.scene.sensor, what) > 0 for room in drawn} == {True, False}
+
+
+def test_what_is_said_to_be_sent_is_in_the_light_and_silence_is_bright() -> None:
+    room = one_marker('pauses')
+    simulation, recording = simulated(room)
+    sent = packets_of(simulation)
+    assert {(one.zone, one.company, one.signal) for one in sent} == {(5, COMPANY[0], SIGNALS[-1])}
+    time_s, signal, (marker,) = 1e-9 * recording.stamp_ns, recording.signal[:, 5], room.markers
+    for one in (one for one in sent if one.whole):
+        middles_s = one.start_s + marker.bit_s * (np.arange(PACKET_BITS) + 0.5)
+        bits = np.interp(middles_s, time_s, signal)
+        np.testing.assert_array_equal(bits < bits.max() / 2, packet(one.id) == 1)
+    ends_s = [(one.start_s - 0.02, one.end_s + 0.04) for one in sent]
+    silent = np.array([not any(start < at < end for start, end in ends_s) for at in time_s])
+    assert silent.any()
+    assert signal[silent].min() > 0.8 * signal.max()
+    partial = [one for one in sent if not one.whole]
+    assert partial[0].start_s == 0.0
+    assert all(one.end_s > DURATION_S - 3 for one in partial[1:])
 
 
 def test_a_plain_room_is_read_fully() -> None:

@@ -143,7 +143,7 @@ def test_a_marker_draws_what_the_paper_says_and_lives_as_long(programs: Path) ->
     [
         ([], {}, ID, 'marker, id 2073'),
         (['id 7'], {}, 7, 'id 7 is kept'),
-        (['help'], {}, ID, 'not understood'),
+        (['id 0', 'help', 'id 4095', 'id 99999999999999999999'], {}, ID, 'not understood'),
         (['id 8888 and much more than the line holds', 'id 9'], {}, 9, 'id 9 is kept'),
         (['id 0000000000012'], {}, ID, 'not understood'),  # its first 15 characters are a command
         ([], {'KEPT_ID': '7'}, 7, 'marker, id 7'),  # it outlives a reset

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from retrolidar_ros.cli.main import main
-from retrolidar_ros.marker.code import IDS, packet
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS, packet
 from retrolidar_ros.marker.dictionary import (
     USABLE_IDS,
     ConfusablePair,
@@ -82,6 +82,16 @@ def test_as_many_ids_as_published(
             choose_ids(count + 1, min_distance)
 
 
+def test_no_id_could_be_added_to_all_that_are_found(everything: NDArray[np.uint8]) -> None:
+    chosen, distance = choose_ids(FOUND[8], 8)
+    fits = (everything[:, chosen] >= distance).all(axis=1) & (everything.diagonal() >= distance)
+    assert not np.setdiff1d(np.flatnonzero(fits), [*chosen, *RESERVED_IDS]).size
+    assert confusable_pairs(chosen) == []
+    # An odd distance is the even one above.
+    np.testing.assert_array_equal(choose_ids(FOUND[8], 7)[0], chosen)
+    assert choose_ids(FOUND[8], 7)[1] == 8
+
+
 @pytest.mark.parametrize(('count', 'distance'), [(1, 14), (2, 12), (5, 10), (16, 8), (314, 8)])
 def test_the_usual_distance_is_the_largest_at_which_so_many_are_found(
     count: int, distance: int
@@ -100,8 +110,6 @@ def test_a_choice_is_the_same_every_time_and_begins_a_larger_one(min_distance: i
         smaller, distance_of_smaller = choose_ids(fewer, min_distance)
         np.testing.assert_array_equal(smaller, kept[:fewer])
         assert distance_of_smaller >= distance >= min_distance
-    # An odd distance is the even one above.
-    assert choose_ids(60, 7)[1] == 8
     assert choose_ids(20)[0][:8].tolist() == [2061, 2073, 2816, 2865, 2127, 2150, 2115, 2528]
 
 

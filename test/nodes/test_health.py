@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_detections, check_frames
 from harness_nodes import FRAME_ID, System, running
 from harness_observer import values_of
+from lifecycle_msgs.msg import Transition
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -112,6 +113,19 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(pair: Pair) -> None:
         assert len(beats) == silent
         sensor.plug()
         system.wait(lambda: len(beats) > silent, 'a heartbeat')
+
+
+def test_frames_that_a_driver_does_not_send_are_not_lost(two: System) -> None:
+    change_state = two.services.change_state
+    assert not change_state('driver', Transition.TRANSITION_CONFIGURE)  # and it lives on
+    lost, seen = two.number(DETECTOR, 'lost frames'), len(two.statuses[DETECTOR])
+    assert change_state('driver', Transition.TRANSITION_DEACTIVATE)
+    two.pass_time(1.5)
+    assert change_state('driver', Transition.TRANSITION_ACTIVATE)
+    two.wait_for_status(DETECTOR, WARN, 'frames were not sent')
+    two.wait_for_status(DETECTOR, OK, 'accepted')
+    assert not any('were lost' in status.message for status in two.statuses[DETECTOR][seen:])
+    assert two.number(DETECTOR, 'lost frames') == lost
 
 
 def test_a_detector_that_stands_still_is_reported_and_loses_nothing(two: System) -> None:

@@ -253,5 +253,7 @@ def test_a_new_transport_delay_is_subtracted_at_once(nodes: Live) -> None:
         assert abs(before_s) < 0.02
         nodes.set(DRIVER, transport_delay=0.0505)
         assert error_s() - before_s == pytest.approx(-0.04, abs=0.01)
+        (result,) = nodes.services.try_to_set(DRIVER, transport_delay=-0.1)
+        assert 'transport_delay out of range' in result.reason
         nodes.set(DRIVER, transport_delay=0.0105)
         assert error_s() == pytest.approx(before_s, abs=0.01)

@@ -209,6 +209,13 @@ def test_blocks_have_no_seam(split: int) -> None:
     assert_same(Recording.of([frame for part in parts for frame in part]), whole)
 
 
+@pytest.mark.parametrize('zone', range(16))
+def test_distance_is_along_the_axis_by_the_factor_of_the_zone(zone: int) -> None:
+    x, y, z = (1.5 * GRID.directions[zone]).tolist()
+    recording = simulate(Scene(markers=(replace(BRIGHT, position_m=(x, y, z)),)), 2)
+    assert recording.distance[0, zone] == pytest.approx(1.5 * GRID.z_per_range[zone], rel=2e-3)
+
+
 def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
     recording = simulate(Scene(markers=(replace(MARKER, response=None),)), 2 * 62)
     expected = 1 - np.repeat(np.tile(BITS, 2), 2)

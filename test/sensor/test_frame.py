@@ -33,6 +33,9 @@ def test_zone_centres_are_those_of_the_sensor(grid: ZoneGrid, centres_deg: list[
         np.testing.assert_allclose(angles_deg[row, :, 0], centres_deg, atol=0.006)
     for column in range(grid.columns):
         np.testing.assert_allclose(angles_deg[:, column, 1], centres_deg, atol=0.006)
+    edge = grid.tangents.max() + grid.pitch / 2
+    assert 2 * np.rad2deg(np.arctan(edge)) == pytest.approx(46.5, abs=0.05)
+    assert 2 * np.rad2deg(np.arctan(np.sqrt(2) * edge)) == pytest.approx(62.6, abs=0.1)
 
 
 @both_grids
@@ -180,6 +183,12 @@ def test_matrices_are_rotations_and_all_come_back_up_to_a_sign(quaternion: Float
     assert np.linalg.norm(found) == pytest.approx(1)
     assert abs(found @ quaternion) == pytest.approx(1, abs=1e-9)
     assert matrix_of(found) == pytest.approx(matrix, abs=1e-9)
+
+
+@given(quaternions, st.integers(0, 2**32 - 1))
+def test_noise_on_a_matrix_moves_its_quaternion_as_little(quaternion: Floats, seed: int) -> None:
+    noise = 1e-6 * np.random.default_rng(seed).standard_normal((3, 3))
+    assert abs(quaternion_of(matrix_of(quaternion) + noise) @ quaternion) > 1 - 1e-10
 
 
 @given(quaternions, st.floats(0.1, 10), st.sampled_from([-1, 1]))

@@ -119,6 +119,13 @@ def test_a_marker_that_moves_has_a_clock_and_no_range() -> None:
 # What is not there is not reported.
 
 
+def test_without_a_marker_there_is_noise_and_advice() -> None:
+    found = calibrate(recorded(replace(SCENE, markers=())))
+    assert (found.markers, found.offset_m) == ([], None)
+    assert set(parameters(found)) == {'noise_floor', 'noise_slope', 'noise_ambient'}
+    assert any(line.startswith('No zone blinks') for line in missing(found))
+
+
 def test_zones_that_are_alike_give_no_slope() -> None:
     wall = replace(SCENE.surfaces[0], zones=None)
     found = calibrate(recorded(replace(SCENE, surfaces=(wall,), markers=())))
