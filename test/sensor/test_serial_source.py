@@ -24,12 +24,7 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import (
-    Received,
-    SerialSource,
-    explain,
-    in_background,
-)
+from retrolidar_ros.sensor.serial_source import Received, SerialSource, explain, in_background
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
