@@ -139,11 +139,9 @@ def _agree(poses: dict[str, list[Any]], offsets: dict[tuple[str, str], list[Any]
     for pair, offset in offsets.items():
         one, other = (poses[name][-1] for name in pair)
         latest = offset[-1]
-        if to_ns(latest.header.stamp) != max(to_ns(end.header.stamp) for end in (one, other)):
-            return False
-        if latest.header.frame_id != one.header.frame_id:
-            return False
-        if not np.allclose(vector_of(latest.vector), _position(other) - _position(one)):
+        is_last = to_ns(latest.header.stamp) == max(to_ns(end.header.stamp) for end in (one, other))
+        is_there = np.allclose(vector_of(latest.vector), _position(other) - _position(one))
+        if not (is_last and is_there and latest.header.frame_id == one.header.frame_id):
             return False
     return True
 
@@ -187,13 +185,8 @@ class Hand:
         self._observer = observer
         self._markers = observer.node.create_publisher(MarkerDetection, 'markers', 100)
         self._transforms = observer.node.create_publisher(TFMessage, '/tf', 100)
-        observer.wait(
-            lambda: (
-                self._markers.get_subscription_count() > 1
-                and self._transforms.get_subscription_count() > 1
-            ),
-            'subscribers',
-        )
+        for publisher in (self._markers, self._transforms):
+            observer.wait(lambda one=publisher: one.get_subscription_count() > 1, 'subscribers')  # type: ignore[misc]
 
     def move(self, at_m: Floats, stamp_ns: int) -> None:
         pose = to_pose(at_m, np.array([0.0, 0.0, 0.0, 1.0]))

@@ -67,6 +67,10 @@ def bitwise_crc(data: bytes) -> int:
     return register
 
 
+def joined(*pieces: bytes) -> st.SearchStrategy[bytes]:
+    return st.lists(st.sampled_from(pieces), max_size=8).map(b''.join)
+
+
 @law
 @given(st.binary(max_size=100))
 @example(b'123456789')
@@ -76,12 +80,7 @@ def test_crc_is_the_bitwise_one(data: bytes) -> None:
 
 
 @law
-@given(
-    st.binary(max_size=600)
-    | st.lists(st.sampled_from([b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254]), max_size=8).map(
-        b''.join
-    )
-)
+@given(st.binary(max_size=600) | joined(b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254))
 def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> None:
     encoded = cobs_encode(data)
     assert encoded == pypi_cobs.encode(data)
@@ -90,12 +89,7 @@ def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> N
 
 
 @law
-@given(
-    st.binary(max_size=8)
-    | st.lists(
-        st.sampled_from([b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254]), max_size=6
-    ).map(b''.join)
-)
+@given(st.binary(max_size=8) | joined(b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254))
 @example(b'\1')
 @example(b'\3a\0')
 @example(b'\xff' + b'z' * 254)
@@ -146,16 +140,15 @@ def test_the_written_packet_is_read_and_written_byte_for_byte() -> None:
 
 
 def test_values_are_clipped_to_the_units_of_the_wire() -> None:
-    distance = np.full(16, 1.0, np.float32)
-    light = np.full(16, 1.0, np.float32)
+    distance, light = np.ones((2, 16), np.float32)
     distance[:8] = [np.inf, 8.192, 8.19175, 0.0002, 0.0001, -0.0002, -8.192, -np.inf]
     light[:8] = [3e38, 4e6, 2097152, 2097151.5, 0.0003, 0.0002, -0.0003, -3e38]
     packet = encode_frame(make_frame(distance=distance, signal=light, ambient=light))
     zones = list(struct.iter_unpack('<hIIB', cobs_decode(packet[:-1])[15:-2]))
     in_order = [zones[n] for n in (3, 2, 1, 0, 7, 6, 5, 4)]
     assert [zone[0] for zone in in_order] == [32767, 32767, 32767, 1, 0, -1, -32768, -32768]
+    highest = 2**32 - 1
     for field in (1, 2):
-        highest = 2**32 - 1
         raw = [highest, highest, highest, highest - 1023, 1, 0, 0, 0]
         assert [zone[field] for zone in in_order] == raw
 
@@ -201,11 +194,7 @@ def ended_packets(stream: bytes) -> list[bytes]:
     return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
 
 
-NUMBERS = {
-    packet[:-1]: sequence
-    for side in (4, 8)
-    for sequence, packet in enumerate(make_packets(4, side))
-}
+NUMBERS = {one[:-1]: n for side in (4, 8) for n, one in enumerate(make_packets(4, side))}
 
 
 def whole(stream: bytes) -> list[int]:
@@ -267,10 +256,7 @@ SHAPES += [(16, 1, 16), (4, 8, 32), (16, 16, 256), (255, 255, 16)]
         ('bad_crc', b''),
         *(('unknown_kind', kind) for kind in (b'\0', b'\3', content_of(4, 4, ZONES, kind=255))),
         *(('bad_shape', part) for part in (b'\1', b'\2', content_of(4, 4, [])[:-1])),
-        *(
-            ('bad_shape', content_of(rows, columns, (ZONES * 16)[:zones]))
-            for rows, columns, zones in SHAPES
-        ),
+        *(('bad_shape', content_of(a, b, (ZONES * 16)[:count])) for a, b, count in SHAPES),
         ('bad_shape', content_of(255, 255, ZONES * 20)),
         ('bad_shape', content_of(4, 4, ZONES)[:-1]),
         ('bad_shape', content_of(4, 4, ZONES) + b'\0'),
