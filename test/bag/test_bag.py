@@ -3,7 +3,6 @@
 """Bags hold what was written, in every form that recorders give them, or say what is refused."""
 
 import os
-import subprocess
 import sys
 from itertools import product
 from pathlib import Path
@@ -28,6 +27,7 @@ from harness_bags import (
     write_bag,
     write_messages,
 )
+from harness_firmware import run
 from harness_frames import make_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -247,11 +247,8 @@ def test_what_was_written_before_a_sudden_end_is_kept(tmp_path: Path, storage: S
         'for frame in make_frames(1000): writer.write(frame)\n'
         'os._exit(9)'
     )
-    subprocess.run(
-        [sys.executable, '-c', script, str(tmp_path / 'bag'), storage],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
-        check=False,
-    )
+    path = os.pathsep.join(sys.path)
+    run(sys.executable, '-c', script, tmp_path / 'bag', storage, PYTHONPATH=path)
     read, error = read_all(tmp_path / 'bag')
     assert len(read) >= 750
     assert equal(read, make_frames(1000)[: len(read)])

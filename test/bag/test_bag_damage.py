@@ -184,12 +184,9 @@ def test_a_wrong_topic_is_refused(tmp_path: Path, storage: Storage) -> None:
     write_bag(tmp_path / 'empty', [], storage)
     assert len(list(read_frames(tmp_path / 'bag', '/left/frames'))) == 2
     there = r'.*/left/frames \(retrolidar_ros/msg/Frame\).*'
+    missing = rf'no topic {FRAMES_TOPIC}(?={there})(?=.*/other \(std_msgs/msg/Header)'
     for bag, topic, text in (
-        (
-            'bag',
-            FRAMES_TOPIC,
-            rf'no topic {FRAMES_TOPIC}(?={there})(?=.*/other \(std_msgs/msg/Header)',
-        ),
+        ('bag', FRAMES_TOPIC, missing),
         ('bag', '/other', f'/other is of type std_msgs/msg/Header, not {FRAME_TYPE}'),
         ('empty', FRAMES_TOPIC, f'{FRAMES_TOPIC} has no frames'),
     ):
@@ -252,12 +249,9 @@ def test_what_unpacks_is_held_to_the_limit_only(
     packed, file = tmp_path / 'a.mcap', tmp_path / 'b.mcap.zstd'
     packed.write_bytes(mcap_file(frames, compression='ZSTD'))
     file.write_bytes(zstd.compress(bytes(10**8)))
-    for limit, path, says in (
-        (500, packed, 'unpack to more than 500'),
-        (4096, file, 'it unpacks to more than'),
-    ):
+    for limit, path, says in ((500, packed, ' 500'), (4096, file, '')):
         monkeypatch.setattr(messages, 'MAX_BYTES', limit)
-        assert assert_good_until(path, frames, says) == 0
+        assert assert_good_until(path, frames, f'to more than{says}') == 0
 
 
 @pytest.mark.parametrize('mode', ['WAL', 'DELETE'])

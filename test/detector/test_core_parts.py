@@ -48,11 +48,8 @@ def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
     steps = np.diff(signal.astype(np.float64)[valid])
     assert 15 < fit.nats < steps @ steps / (4 * 9.0)
     assert (np.ptp(list(gains)) > 0) == (sway > 0)
-    other = light(
-        Sending(packet(1234).astype(np.float64), True, 0.2, BIT_PERIOD_S),
-        begin_s,
-        begin_s + PERIOD_S,
-    )
+    sending = Sending(packet(1234).astype(np.float64), True, 0.2, BIT_PERIOD_S)
+    other = light(sending, begin_s, begin_s + PERIOD_S)
     assert core.lib.rl_gain_profile_fit(*seen[:2], core.array(other), 70, gains).nats < 0
 
 

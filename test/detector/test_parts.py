@@ -12,7 +12,13 @@ import pytest
 
 from evaluation.bench import room_families
 from evaluation.bench.room_scene import Room
+from evaluation.bench.room_truth import Scored
 from evaluation.bench.rooms import play, play_room
+
+
+def whole(scored: Scored) -> list[bool]:
+    """Return of each packet that was seen whole whether it was read."""
+    return [one for packet, one in zip(scored.sent, scored.read, strict=True) if packet.whole]
 
 
 def played(
@@ -24,11 +30,7 @@ def played(
     for number in range(rooms):
         rng = np.random.default_rng([77, place, number])
         scored = play_room(0, make(rng), rng).scored
-        read += [
-            bool(was_read)
-            for sent, was_read in zip(scored.sent, scored.read, strict=True)
-            if sent.whole
-        ]
+        read += whole(scored)
         wrong += len(scored.wrong)
     return sum(read) / max(len(read), 1), wrong
 
@@ -91,8 +93,7 @@ def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int
     The last one also by what a marker must explain before it is subtracted.
     """
     scored = play(number, seed).scored
-    read = [one for packet, one in zip(scored.sent, scored.read, strict=True) if packet.whole]
-    assert sum(read) >= min_read
+    assert sum(whole(scored)) >= min_read
     assert scored.wrong == []
 
 

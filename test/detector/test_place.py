@@ -129,11 +129,8 @@ def ranged(
     }
     sensor = core_sensor(VL53L8CX, ZoneGrid())
     seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
-    found, room = (
-        ffi.new('struct rl_ranged *'),
-        (ffi.new('float[]', rows), ffi.new('uint8_t[]', rows)),
-    )
-    if not lib.rl_ranging(seen, *room, found):
+    found = ffi.new('struct rl_ranged *')
+    if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
         return None
     return found.depth_m, float(np.sqrt(found.variance))
 
