@@ -157,10 +157,7 @@ class Statistics:
         """Return signal and validity of the target in question."""
         count, room = self.samples.count, self.ffi.addressof(self.window, 'room')
         seen = self.lib.rl_target_column(self.samples, source, 0, count, room)
-        return (
-            self.numpy(seen.signal, count, 'float'),
-            self.numpy(seen.valid, count, 'uint8_t') > 0,
-        )
+        return self.numpy(seen.signal, count, 'float'), self.numpy(seen.valid, count, 'uint8_t') > 0
 
     def open(self, from_s: float, to_s: float, source: int) -> tuple[float, slice]:
         """Open a window; return its log likelihood without a packet, and its rows."""
@@ -202,19 +199,8 @@ class Statistics:
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
             hit.id, hit.transmission = int(number), self.given(sending)[0]
-        never = (-np.inf, -np.inf)
-        return self.lib.rl_decide(
-            self.window,
-            self.codebook,
-            demands,
-            source,
-            given.hit,
-            given,
-            packets,
-            *never,
-            False,
-            to_s,
-        )
+        asked = (demands, source, given.hit, given, packets, -np.inf, -np.inf, False, to_s)
+        return self.lib.rl_decide(self.window, self.codebook, *asked)
 
     def margins(self, sending: Sending, number: int) -> tuple[Any, float, float]:
         """Return bits of a packet in the window, and its margins against sequences and parts."""

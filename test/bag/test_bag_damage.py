@@ -241,9 +241,7 @@ def test_a_computed_table_is_refused(tmp_path: Path, script: str) -> None:
     assert 'messages is computed' in str(error)
 
 
-def test_what_unpacks_is_held_to_the_limit_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_unpacks_is_held_to_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     zstd = pytest.importorskip(messages._ZSTD)
     frames = make_frames(100)
     packed, file = tmp_path / 'a.mcap', tmp_path / 'b.mcap.zstd'
@@ -281,9 +279,7 @@ def test_what_a_killed_recorder_has_left_is_read(tmp_path: Path, mode: str) -> N
     assert {part: part.read_bytes() for part in left.iterdir()} == before
 
 
-def test_control_characters_in_names_are_escaped(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_control_characters_are_escaped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with FrameWriter(tmp_path / 'bag', topic='/a\x1b[2J\x07' + 'b' * 10**6) as bag:
         bag.write(make_frames(1)[0])
     assert main(['decode', str(tmp_path / 'bag')]) == 2

@@ -117,9 +117,7 @@ def test_a_damaged_bag_is_used_up_to_the_damage_and_gives_exit_code_2(
         ('budget --queries 1e4', '--queries: 10000 .* 0 to 2765'),
     ],
 )
-def test_unusable_input_is_one_line(
-    bag: Path, arguments: str, message: str, capsys: Output
-) -> None:
+def test_unusable_input_is_a_line(bag: Path, arguments: str, message: str, capsys: Output) -> None:
     assert main(arguments.replace('BAG', str(bag)).split()) == 2
     output = capsys.readouterr()
     assert output.out == ''

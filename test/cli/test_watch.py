@@ -79,12 +79,10 @@ def test_a_log_has_a_line_a_second(port: Path, capsys: Output) -> None:
 def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()
     ioctl(slave, TIOCSWINSZ, pack('HHHH', 30, 100, 0, 0))
-    environment = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}
-    environment.pop('COLUMNS', None)
-    environment.pop('LINES', None)
-    process = subprocess.Popen(
-        [*COMMAND, 'watch', str(port)], stdin=slave, stdout=slave, env=environment
-    )
+    env = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}
+    env.pop('COLUMNS', None)
+    env.pop('LINES', None)
+    process = subprocess.Popen([*COMMAND, 'watch', str(port)], stdin=slave, stdout=slave, env=env)
     os.close(slave)
     shown = b''
 

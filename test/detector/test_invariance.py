@@ -78,9 +78,7 @@ def new_detector(recording: Recording) -> Detector:
 
 
 def readings(detections: list[Detection]) -> list[Reading]:
-    return sorted(
-        Reading(one.zones, one.id, one.packets, one.start_ns, one.evidence) for one in detections
-    )
+    return sorted(Reading(d.zones, d.id, d.packets, d.start_ns, d.evidence) for d in detections)
 
 
 def read(recording: Recording, noise: NoiseLaw = LAW) -> list[Reading]:
@@ -104,14 +102,11 @@ def assert_alike(found: list[Reading], expected: list[Reading]) -> None:
 )
 def test_a_pedestal_and_a_gain_change_nothing(case: Case, pedestal: float, gain: float) -> None:
     recording = case.recording()
-    changed = replace(
-        recording, signal=(recording.signal + np.float32(pedestal)) * np.float32(gain)
-    )
+    other = replace(recording, signal=(recording.signal + np.float32(pedestal)) * np.float32(gain))
     # The pedestal itself makes no noise here, so the law must not expect any of it.
     floor = (LAW.floor - LAW.slope * pedestal) * gain**2
-    assert_alike(
-        read(changed, NoiseLaw(floor, LAW.slope * gain, LAW.ambient * gain**2)), read(recording)
-    )
+    law = NoiseLaw(floor, LAW.slope * gain, LAW.ambient * gain**2)
+    assert_alike(read(other, law), read(recording))
 
 
 @few
@@ -163,9 +158,7 @@ def test_a_mirrored_view_changes_nothing_else(case: Case, axis: int) -> None:
     usual = new_detector(recording)
     expected = readings(usual.update_all(recording))
     assume(usual.counts.overloads == 0)
-    mirrored = [
-        one._replace(zones=tuple(int(order[zone]) for zone in one.zones)) for one in read(turned)
-    ]
+    mirrored = [one._replace(zones=tuple(order[[*one.zones]].tolist())) for one in read(turned)]
     assert_alike(sorted(mirrored), expected)
 
 

@@ -10,13 +10,7 @@ import pytest
 from harness_core import GRID, LAW, NATS, PERIOD_S, Statistics, around, assert_agrees
 from harness_frames import recording_of
 from numpy.typing import NDArray
-from oracle import (
-    Sending,
-    evidence,
-    light,
-    margin,
-    word,
-)
+from oracle import Sending, evidence, light, margin, word
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -43,9 +37,7 @@ def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
     return stamps
 
 
-def random_recording(
-    rng: np.random.Generator, packets: int, *, repeats: bool | None = None
-) -> Sent:
+def random_frames(rng: np.random.Generator, packets: int, *, repeats: bool | None = None) -> Sent:
     """Return markers of all kinds, on levels that wander, with samples that are missing.
 
     Parameters
@@ -88,7 +80,7 @@ def random_recording(
 @pytest.mark.parametrize(('seed', 'packets'), enumerate([1] * 6 + [2, 5]))
 def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int) -> None:
     rng = np.random.default_rng(seed)
-    sent = random_recording(rng, packets)
+    sent = random_frames(rng, packets)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     for zone in rng.choice(GRID.zones, 6 if packets == 1 else 2, replace=False):
         sending = sent.sendings[zone]
@@ -100,7 +92,7 @@ def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int
 
 def test_likelihoods_of_sums_of_zones(core: Statistics) -> None:
     rng = np.random.default_rng(10)
-    sent = random_recording(rng, 1)
+    sent = random_frames(rng, 1)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     for source, zones in ((17, 4), (25, 9), (29, 16)):  # squares, up to the whole view
         null, rows = core.open(SILENCE_S - 0.4, SILENCE_S + PACKET_S, source)
@@ -111,7 +103,7 @@ def test_likelihoods_of_sums_of_zones(core: Statistics) -> None:
 @pytest.mark.parametrize('samples', [0, 1, 2, 3])
 def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> None:
     rng = np.random.default_rng(samples)
-    sent = random_recording(rng, 1)
+    sent = random_frames(rng, 1)
     sent.recording.status[samples:] = 0
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     null, rows = core.open(0.0, SILENCE_S + PACKET_S, 0)
@@ -126,7 +118,7 @@ def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> No
 def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) -> None:
     core.start_codebook()
     rng = np.random.default_rng(20)
-    sent = random_recording(rng, packets, repeats=repeats)
+    sent = random_frames(rng, packets, repeats=repeats)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     judged = 0
     for zone in range(0, GRID.zones, 2):
@@ -166,7 +158,7 @@ def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) 
 def test_a_train_may_be_given_by_any_of_its_packets(core: Statistics) -> None:
     """Also by one that begins after the window."""
     core.start_codebook()
-    sent = random_recording(np.random.default_rng(4), 3, repeats=True)
+    sent = random_frames(np.random.default_rng(4), 3, repeats=True)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     sending = sent.sendings[0]
     own = int(USABLE_IDS[(packet(USABLE_IDS) == sending.bits).all(axis=1)][0])

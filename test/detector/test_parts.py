@@ -21,14 +21,12 @@ def whole(scored: Scored) -> list[bool]:
     return [one for packet, one in zip(scored.sent, scored.read, strict=True) if packet.whole]
 
 
-def played(
-    make: Callable[[np.random.Generator], Room], place: int, rooms: int
-) -> tuple[float, int]:
+def played(make: Callable[[np.random.Generator], Room], part: int, rooms: int) -> tuple[float, int]:
     """Return which share of the packets was read, and how many IDs were wrong."""
     read: list[bool] = []
     wrong = 0
     for number in range(rooms):
-        rng = np.random.default_rng([77, place, number])
+        rng = np.random.default_rng([77, part, number])
         scored = play_room(0, make(rng), rng).scored
         read += whole(scored)
         wrong += len(scored.wrong)
@@ -43,9 +41,7 @@ def played(
         (0.5, ('sequence', 'sequence'), 0.8),
     ],
 )
-def test_two_markers_of_a_zone_are_read(
-    ratio: float, sendings: tuple[str, str], least: float
-) -> None:
+def test_two_in_a_zone_are_read(ratio: float, sendings: tuple[str, str], least: float) -> None:
     """By interferers, packets that follow, pairs and the search of the residual.
 
     Where both send ever other IDs, also by stretches that are judged as lone packets, and packets

@@ -91,9 +91,7 @@ def test_a_marker_on_a_border_is_found_there_whatever_the_blur(grid: ZoneGrid, b
     blur=st.floats(0.05, 0.3),
     zone=st.sampled_from([5, 6, 9, 10]),
 )
-def test_truth_is_within_three_deviations(
-    across: float, down: float, blur: float, zone: int
-) -> None:
+def test_truth_is_in_three_deviations(across: float, down: float, blur: float, zone: int) -> None:
     grid = GRIDS[0]
     tangent = grid.tangents[zone] + grid.pitch * np.array([across, down])
     light = 200 * shares(grid, tangent, blur)

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 from harness_core import GRID, LAW, NATS, PERIOD_S, Statistics, around, assert_agrees
 from harness_frames import recording_of
-from oracle import (
-    Sending,
-    Zone,
-    evidence,
-    light,
-    part_margin,
-    sequence_margin,
-    without,
-)
+from oracle import Sending, Zone, evidence, light, part_margin, sequence_margin, without
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Floats
@@ -139,9 +131,7 @@ def test_a_packet_that_is_taken_off_leaves_the_other_one(core: Statistics, share
     both = np.stack([signal, left] * 8, axis=1)
     core.take(recording_of(stamp_ns, both), LAW, BIT_PERIOD_S)
     # Times of the core count from the middle of the first exposure.
-    tried = [
-        sending._replace(start_s=sending.start_s - PERIOD_S / 2) for sending in (first, second)
-    ]
+    tried = [one._replace(start_s=one.start_s - PERIOD_S / 2) for one in (first, second)]
     nats = []
     for zone in (0, 1):
         null, rows = core.open(0.1, 1.6, zone)

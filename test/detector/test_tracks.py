@@ -62,9 +62,7 @@ def steady(tracks: list[list[Track]]) -> list[Track]:
     return [one for frame in tracks for one in frame if one.stamp_ns - first_ns > 1e9]
 
 
-def lasted_s(
-    tracks: list[list[Track]], recording: Recording, frame: int, marker: int = ID
-) -> float:
+def lasts_s(tracks: list[list[Track]], recording: Recording, frame: int, marker: int = ID) -> float:
     """Return for how long after a frame a marker was followed [s]."""
     stamps = [one.stamp_ns for frame in tracks for one in frame if one.id == marker]
     return 1e-9 * (max(stamps) - int(recording.stamp_ns[frame]))
@@ -112,9 +110,7 @@ def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: 
 
 
 @pytest.mark.parametrize(('period_s', 'most'), [(6.0, 1.0), (3.0, 1.2)])
-def test_a_marker_that_crosses_the_view_is_within_its_deviation(
-    period_s: float, most: float
-) -> None:
+def test_a_marker_that_crosses_the_view_is_in_its_deviation(period_s: float, most: float) -> None:
     scene = ranging_scene(wander=Wander(across_m=0.3, along_m=0.0, period_s=period_s))
     _, tracks = follow(simulate(scene, 20.0))
     found = steady(tracks)
@@ -135,15 +131,13 @@ def test_what_vanishes_is_dropped_within_half_a_second() -> None:
         sent = switched(recording, nothing, frame)
         _, tracks = follow(sent)
         assert tracks[frame - 1]
-        lasting.append(lasted_s(tracks, sent, frame))
+        lasting.append(lasts_s(tracks, sent, frame))
     assert np.median(lasting) < GONE_S
     assert max(lasting) < 2 * GONE_S
 
 
 @pytest.mark.parametrize('start_s', [0.5, 0.51, 0.52, 0.53])
-def test_a_marker_that_sends_no_more_but_stays_bright_is_dropped_within_a_second(
-    start_s: float,
-) -> None:
+def test_a_marker_that_ends_but_stays_bright_is_dropped_within_a_second(start_s: float) -> None:
     """Light in its dark bits may be of another marker, but not for long and just as bright."""
     scene = load_scene('drone')
     (marker,) = scene.markers
@@ -159,7 +153,7 @@ def test_a_marker_that_sends_another_id_is_followed_no_longer(frame: int) -> Non
     other = simulate(a_scene(start_s=0.0, packets=None, id=OTHER_ID), 8.0)
     sent = switched(repeating(8.0), other, frame)
     _, tracks = follow(sent)
-    assert lasted_s(tracks, sent, frame) < 1.0
+    assert lasts_s(tracks, sent, frame) < 1.0
     assert {one.id for one in tracks[-1]} == {OTHER_ID}
 
 

@@ -142,9 +142,7 @@ def test_the_committed_run_is_whole_and_says_of_what() -> None:
         assert said in page
 
 
-def test_the_committed_page_is_that_of_its_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_is_that_of_its_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def draw(name: str, figures: dict[str, Any], _: Path) -> None:
         plt.close(EXPERIMENTS[name].draw(figures))  # to write it takes long
 
@@ -184,10 +182,8 @@ def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) 
     together, alone = tmp_path / 'together', tmp_path / 'alone'
     alone.mkdir()
     command = [sys.executable, '-m', 'evaluation', 'chain', 'link', '--quick', '-o', str(together)]
-    finished = subprocess.run(
-        command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT
-    )
-    assert finished.stdout.count('chain: One packet') == 1
+    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT)
+    assert done.stdout.count('chain: One packet') == 1
     assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'link.json']
     for name in ('chain', 'link'):
         run_experiment(name, alone, quick=True, seed=1)

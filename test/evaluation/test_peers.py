@@ -71,9 +71,7 @@ def test_the_tag_is_where_the_homography_puts_it(rng: np.random.Generator) -> No
 
 
 @pytest.mark.parametrize('yaw_deg', [0, 20, 40])
-def test_the_range_of_a_square_holds_when_it_is_tilted(
-    yaw_deg: float, rng: np.random.Generator
-) -> None:
+def test_the_range_of_a_square_holds_if_tilted(yaw_deg: float, rng: np.random.Generator) -> None:
     pose = tilted(facing_pose(1.0, 300, math.radians(10), rng), math.radians(yaw_deg), 0.0)
     corners = transform(pose.homography, 0.03 * SQUARE)
     assert square_range(corners, CENTRE_PX, 0.03) == pytest.approx(1.0, rel=0.001)

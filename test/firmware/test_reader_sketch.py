@@ -40,10 +40,8 @@ def results_of_driver(frames: Sequence[RawFrame], status: Sequence[int]) -> str:
     """Return what the reader's program reads as the results of ST's driver."""
     lines = []
     for frame, failure in zip(frames, status, strict=True):
-        targets = np.ones(frame.zones, dtype=int)
-        zones = np.stack(
-            [targets, frame.distance, frame.signal, frame.ambient, frame.status], axis=1
-        )
+        ones = np.ones(frame.zones, dtype=int)
+        zones = np.stack([ones, frame.distance, frame.signal, frame.ambient, frame.status], axis=1)
         lines.append(' '.join(map(str, [failure, *zones.ravel()])))
     return '\n'.join(lines)
 
@@ -91,9 +89,7 @@ def test_stamps_are_of_the_middle_of_the_exposure_and_never_go_back(programs: Pa
         ([0, 256, 0, 0, 256, 0, 0, 0, 0, 0], [1, 3, 4, 6, 7, 8, 9, 10]),
     ],
 )
-def test_a_frame_that_was_not_read_is_a_gap(
-    programs: Path, status: list[int], numbers: list[int]
-) -> None:
+def test_a_frame_not_read_is_a_gap(programs: Path, status: list[int], numbers: list[int]) -> None:
     sent = raw_frames(10)
     frames, reader = read_by(programs / 'reader_host', sent, status=status)
     assert reader.counts.damaged == 0

@@ -77,9 +77,8 @@ def test_no_transform_is_sent_of_a_frame_with_another_parent(tmp_path: Path) -> 
         mug = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/mug')
         pose = to_pose(MUG_M, np.array([0.0, 0.0, 0.0, 1.0]))
         taken = to_transform(to_header(time.time_ns(), HAND), 'held_mug', pose)
-        system.node.create_publisher(TFMessage, '/tf_static', LATCHED).publish(
-            TFMessage(transforms=[taken])
-        )
+        publisher = system.node.create_publisher(TFMessage, '/tf_static', LATCHED)
+        publisher.publish(TFMessage(transforms=[taken]))
         while not mug:
             for corner in CORNERS:
                 hand.read('mug', 2107, MUG_M, np.append(corner, 0.0))

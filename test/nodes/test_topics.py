@@ -251,9 +251,7 @@ MADE = {
 """By topic: its type, and the function of a module that makes its messages."""
 
 
-def test_messages_without_subscribers_are_not_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_messages_for_nobody_are_not_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     makers = {topic: Mock(wraps=getattr(of, name)) for topic, (_, of, name) in MADE.items()}
     for topic, (_, module, name) in MADE.items():
         monkeypatch.setattr(module, name, makers[topic])

@@ -53,11 +53,8 @@ def test_transforms_are_found_between_frames_and_times_and_forgotten(listener: L
 
     def is_found() -> bool:
         before, after = (round(at_s * 1e9) for at_s in (1.0, 3.0))
-        steps = [
-            transform('eye', 'hand', 1.0, before),
-            transform('eye', 'hand', 3.0, after, turned),
-        ]
-        moving.publish(TFMessage(transforms=steps))
+        both = [transform('eye', 'hand', 1.0, before), transform('eye', 'hand', 3.0, after, turned)]
+        moving.publish(TFMessage(transforms=both))
         return find('map', 'eye', 2.0) is not None
 
     assert listener.spin_until(is_found, 30.0)
@@ -92,9 +89,7 @@ def test_frames_that_other_nodes_send_are_named(listener: Listener) -> None:
     assert sender.problem('another eye') == ''
 
 
-def test_two_sensors_with_the_same_frames_are_warned_of_until_they_have_prefixes(
-    tmp_path: Path,
-) -> None:
+def test_sensors_of_the_same_frames_are_warned_of_until_they_have_prefixes(tmp_path: Path) -> None:
     ports = [tmp_path / 'one', tmp_path / 'other']
     scene, name = load_scene('coffee'), '/same1/detector: markers'
     with running(tmp_path, '/same0') as system, Sensor(scene, ports[0]), Sensor(scene, ports[1]):

@@ -123,10 +123,8 @@ def test_all_frames_arrive_in_order_and_at_their_time(link: Path) -> None:
     assert not link.exists()
 
 
-@pytest.mark.parametrize('request_to_end', [signal.SIGINT, signal.SIGTERM])
-def test_ending_unplugs_the_sensor(
-    tmp_path: Path, link: Path, request_to_end: signal.Signals
-) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_ending_unplugs_the_sensor(tmp_path: Path, link: Path, number: signal.Signals) -> None:
     scene = tmp_path / 'wall.yaml'
     scene.write_text('surfaces: [{distance: 1 m, signal: 9 kcps/SPAD}]\n')
     command = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', str(scene)]
@@ -140,7 +138,7 @@ def test_ending_unplugs_the_sensor(
                 data = line.read(max(1, line.in_waiting))
                 assert data
                 frames += reader.feed(data)
-        process.send_signal(request_to_end)
+        process.send_signal(number)
         assert ' frames sent, ' in process.stdout.read()
         assert process.wait(10) == 0
     assert not link.is_symlink()

@@ -188,9 +188,7 @@ def test_an_offset_lengthens_all_ranges() -> None:
     distance = seen(
         1, sensor={'ranging': {'shot': '0 m', 'floor': '0 m', 'offset': '20 mm'}}, surfaces=[WALL]
     ).distance
-    np.testing.assert_allclose(
-        distance[0, [0, 5]], 1.05 + 0.020 * np.array([0.9072, 0.9851]), atol=2e-4
-    )
+    assert distance[0, [0, 5]] == pytest.approx(1.05 + 0.02 * np.array([0.9072, 0.9851]), abs=2e-4)
 
 
 def test_a_dead_time_bends_bright_signals_and_leaves_faint_ones() -> None:

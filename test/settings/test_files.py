@@ -95,16 +95,12 @@ def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     assert load_scene(str(find_scene(name))) == scene
     # Its surfaces fill each zone.
     zones = range(scene.sensor.grid.zones)
-    filled = {
-        zone for one in scene.surfaces for zone in (zones if one.zones is None else one.zones)
-    }
-    assert filled == set(zones)
+    full = {zone for one in scene.surfaces for zone in (zones if one.zones is None else one.zones)}
+    assert full == set(zones)
     assert {'coffee', 'drone', 'range'} <= set(SHIPPED)
 
 
-def test_a_file_goes_before_a_shipped_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_goes_before_a_shipped_scene(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
     assert find_scene('coffee').name == 'coffee.yaml'
     Path('coffee').write_text('seed: 99')
@@ -178,9 +174,7 @@ def test_what_is_no_yaml_or_harms_is_refused_with_the_reason(
             load_scene(str(path))
 
 
-def test_what_never_ends_is_read_to_the_limit_and_what_is_no_file_is_an_os_error(
-    tmp_path: Path,
-) -> None:
+def test_what_never_ends_is_read_to_the_limit_and_no_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='is larger than'):
         load_yaml(Path('/dev/zero'))
     fifo = tmp_path / 'fifo'

@@ -273,11 +273,7 @@ def test_an_estimate_does_not_depend_on_where_it_starts() -> None:
     ],
 )
 def test_an_impossible_survey_is_refused(key: str, value: object, message: str) -> None:
-    mug = {
-        'position': [0, 0, 1],
-        'orientation': [0, 0, 0, 1],
-        'covariance': np.eye(6).ravel().tolist(),
-    }
+    mug = {'position': [0, 0, 1], 'orientation': [0, 0, 0, 1], 'covariance': list(np.eye(6).flat)}
     with pytest.raises(ConfigError, match=message):
         parse_survey({'frame': 'map', 'landmarks': {'mug': mug | {key: value}}})
 

@@ -9,13 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from harness_readings import (
-    ERRORS,
-    HERE,
-    SQUARE,
-    estimate_of,
-    seen,
-)
+from harness_readings import ERRORS, HERE, SQUARE, estimate_of, seen
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
@@ -29,9 +23,7 @@ def known_room(
     survey: Sequence[tuple[int, Floats]],
 ) -> tuple[dict[str, Prior], dict[str, dict[int, Floats]]]:
     covariance = np.diag([1e-6] * 3 + [3.0] * 3)
-    known = {
-        str(one): Prior(State(place, np.eye(3), np.zeros(3)), covariance) for one, place in survey
-    }
+    known = {str(one): Prior(State(at, np.eye(3), np.zeros(3)), covariance) for one, at in survey}
     return known, {str(one): {one: np.zeros(3)} for one, _ in survey}
 
 
@@ -42,15 +34,13 @@ def test_a_robot_finds_itself_among_four_markers() -> None:
     room = room_of(*known_room(places), ERRORS, flat=True)
     base_m, base = np.array([0.3, -0.2, 0.0]), matrix_of_turn(np.array([0, 0, 0.7]))
     forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    for index in range(48):
-        heading = matrix_of_turn(np.array([0, 0, math.radians(15 * (index % 24))])) @ forward
+    for step in range(48):
+        turn = matrix_of_turn(np.array([0, 0, math.radians(15 * (step % 24))])) @ forward
         for marker, place_m in places:
-            own = (place_m - base_m) @ base @ heading
+            own = (place_m - base_m) @ base @ turn
             if own[2] > 0.5 and np.abs(own[:2]).max() < 0.4 * own[2]:
                 there = base.T @ (place_m - base_m)
-                room.take(
-                    seen(there, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=heading)
-                )
+                room.take(seen(there, np.zeros(3), rng, marker=marker, stamp_s=step, rotation=turn))
     pose = robot_pose(estimate_of(room), np.zeros(3), np.eye(3))
     assert pose is not None
     assert np.linalg.norm(pose.position_m - base_m) < 0.015

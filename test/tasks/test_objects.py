@@ -179,9 +179,7 @@ def test_windows_and_silences_are_counted_as_by_hand(
 
 @law
 @given(beats, windows, st.floats(0.01, 1000), st.booleans())
-def test_time_may_go_back(
-    times: list[float], window_s: float, back_s: float, is_beat: bool
-) -> None:
+def test_time_goes_back(times: list[float], window_s: float, back_s: float, is_beat: bool) -> None:
     heart = beaten(times, window_s)
     heart.advance(times[-1] + 100.0)
     time_s = times[0] - back_s
