@@ -36,9 +36,7 @@ def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> Non
     assert last.endswith('no zone blinks')
 
 
-def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
-    tmp_path: Path, capsys: Output
-) -> None:
+def test_a_missing_port_is_told_even_to_a_closed_output(tmp_path: Path, capsys: Output) -> None:
     assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (line,) = capsys.readouterr().out.splitlines()
     assert 'port does not exist; is the sensor plugged in?; retrying; 0.0 frames/s' in line

@@ -90,9 +90,7 @@ def test_a_missing_core_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch)
     assert '\n' not in str(caught.value)
 
 
-def test_an_installation_without_a_compiler_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip('cffi')
     pytest.importorskip('setuptools')
     build = ['build_ext', '--build-temp', tmp_path, '--build-lib', tmp_path]

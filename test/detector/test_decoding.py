@@ -72,7 +72,7 @@ def reading(at_s: float, range_m: float = 1.0, identity: int = ID) -> Detection:
 
 
 @pytest.mark.parametrize('min_readings', [1, 2, 3, 20])
-def test_the_first_readings_of_a_marker_are_withheld_and_whoever_has_no_more_is_told(
+def test_first_readings_are_withheld_and_whoever_has_no_more_is_told(
     min_readings: int,
 ) -> None:
     decoding = decoding_of(min_readings)

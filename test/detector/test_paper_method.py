@@ -19,9 +19,7 @@ from retrolidar_ros.sensor.model import Status
 
 
 @pytest.mark.parametrize(('registered', 'read'), [(None, [ID, OTHER_ID]), ([OTHER_ID], [OTHER_ID])])
-def test_two_markers_are_read_at_once_or_counted_as_not_registered(
-    registered: list[int] | None, read: list[int]
-) -> None:
+def test_two_at_once_are_read_or_counted(registered: list[int] | None, read: list[int]) -> None:
     detector = create_detector('paper', GRID, registered_ids=registered)
     scene = a_scene()
     (one,) = scene.markers

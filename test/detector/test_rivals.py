@@ -74,7 +74,7 @@ def test_two_packets_back_to_back_compete_with_one(core: Statistics, bits: int) 
 
 
 @pytest.mark.parametrize(('start_s', 'seen_from'), [(-0.2, 30), (-0.4, 42), (-0.5, 48)])
-def test_other_ids_of_a_marker_that_appeared_compete(
+def test_other_ids_of_what_appeared_compete(
     core: Statistics, start_s: float, seen_from: int
 ) -> None:
     core.start_codebook(sorted(NUMBERS))

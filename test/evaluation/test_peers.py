@@ -118,8 +118,6 @@ def test_right_and_wrong_ids_are_counted(rng: np.random.Generator) -> None:
         (View(1.0, speed_m_s=0.6), 0),
     ],
 )
-def test_tags_end_in_the_dark_turned_away_and_blurred(
-    view: View, hits: int, rng: np.random.Generator
-) -> None:
+def test_tags_end_dark_turned_and_blurred(view: View, hits: int, rng: np.random.Generator) -> None:
     results = read_pictures([READERS[APRILTAG]], Background(rng), 5, rng, view)
     assert results[APRILTAG]['right']['hits'] == hits

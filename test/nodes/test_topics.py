@@ -264,9 +264,8 @@ def test_messages_for_nobody_are_not_made(tmp_path: Path, monkeypatch: pytest.Mo
         def pass_readings() -> None:
             """Wait for frames and readings of them that came from now on."""
             frames, markers = len(system.frames) + 20, len(system.markers) + 2
-            system.wait(
-                lambda: len(system.frames) > frames and len(system.markers) >= markers, 'readings'
-            )
+            system.wait_for_frames(frames)
+            system.wait(lambda: len(system.markers) >= markers, 'readings')
 
         def made() -> set[str]:
             return {topic for topic, maker in makers.items() if maker.called}

@@ -39,10 +39,8 @@ def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
 
 def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> None:
     # Differences of long integrals of time are zero up to their last bits only.
-    identity = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
-    scene = Scene(
-        sensor=Sensor(ranging=RANGING), markers=(replace(MARKER, id=identity, response=None),)
-    )
+    one = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
+    scene = Scene(sensor=Sensor(ranging=RANGING), markers=(replace(MARKER, id=one, response=None),))
     recording = simulate(scene, 14_000)
     seen = recording.status[:, ZONE] != Status.NO_TARGET
     assert recording.signal[seen, ZONE].min() > 0.01

@@ -13,9 +13,7 @@ from retrolidar_ros.sensor.wire import FrameReader, encode_packet
 
 RANGING = Identity('1.2.3', '000102030405060708090a0b', True)
 STOPPED = RANGING._replace(is_ranging=False)
-IDENTIFY, START, STOP = (
-    command.line() for command in (Command.IDENTIFY, Command.START, Command.STOP)
-)
+IDENTIFY, START, STOP = (one.line() for one in (Command.IDENTIFY, Command.START, Command.STOP))
 
 
 def packet_of(identity: Identity) -> bytes:

@@ -71,7 +71,7 @@ def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> N
 
 
 @pytest.mark.usefixtures('soon')
-def test_an_absent_port_is_reported_once_and_opened_when_it_comes(
+def test_an_absent_port_is_told_once_and_awaited(
     link: Path, read: Read, monkeypatch: Patch
 ) -> None:
     tries: Queue[None] = Queue()

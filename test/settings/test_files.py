@@ -51,9 +51,7 @@ def test_a_source_tree_holds_its_own_files(tmp_path: Path, monkeypatch: Patch) -
 @pytest.mark.parametrize(
     'packages', ['lib/python3.11/site', 'local/lib/python3.12/dist', 'lib64/python3.13/site']
 )
-def test_an_installed_package_finds_the_share_of_its_prefix(
-    tmp_path: Path, packages: str, monkeypatch: Patch
-) -> None:
+def test_an_installation_finds_its_share(tmp_path: Path, packages: str, monkeypatch: Patch) -> None:
     installed = tmp_path / f'{packages}-packages'
     install(installed, monkeypatch)
     shared = tmp_path / 'share' / 'retrolidar_ros' / 'msg' / 'Frame.msg'
@@ -159,9 +157,7 @@ def test_a_key_that_stands_twice_is_refused(file: Path, text: str, key: str, lin
     ],
     ids=lambda value: str(value)[:20],
 )
-def test_what_is_no_yaml_or_harms_is_refused_with_the_reason(
-    text: str | bytes, reason: str, tmp_path: Path
-) -> None:
+def test_no_yaml_or_what_harms_is_refused(text: str | bytes, reason: str, tmp_path: Path) -> None:
     path = tmp_path / 'hostile.yaml'
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     began = time.process_time()

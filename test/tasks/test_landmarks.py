@@ -184,7 +184,7 @@ def test_a_name_stays_with_its_marker_once_that_is_placed() -> None:
     assert estimate_of(survey.landmarks['mug']) is before
 
 
-def test_a_survey_has_room_for_so_many_and_prefers_those_that_are_placed(
+def test_a_survey_is_limited_and_prefers_what_is_placed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(survey_module, 'MAX_LANDMARKS', 5)
