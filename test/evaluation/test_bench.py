@@ -10,30 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.bench import landmark_parts, landmark_trials
+from evaluation.bench import landmark_parts, landmark_trials, places
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
 from evaluation.bench.judging import BOTH, judged, watch
 from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
-from evaluation.bench.places import (
-    markers_at,
-    random_pose,
-    rotation,
-    sees_all,
-    to_sensor,
-    to_world,
-    view_from,
-)
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
-from evaluation.experiments import coffee
+from evaluation.experiments import coffee, time_to_id
 from evaluation.experiments.moving import across
-from evaluation.experiments.time_to_id import (
-    VIEW_S,
-    appearing,
-    first_ids,
-    needed_bits,
-    time_by_which,
-)
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -50,21 +34,22 @@ ANGLES = st.floats(-math.pi, math.pi)
 
 @given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
 def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
-    pose = SensorPose(np.array([0.1, -0.2, 0.05]), rotation(yaw, pitch, roll))
+    pose = SensorPose(np.array([0.1, -0.2, 0.05]), places.rotation(yaw, pitch, roll))
     assert np.linalg.det(pose.rotation) == pytest.approx(1)
-    assert to_world(pose, to_sensor(pose, markers_at(WORLD))) == pytest.approx(markers_at(WORLD))
+    there_m = places.markers_at(WORLD)
+    assert places.to_world(pose, places.to_sensor(pose, there_m)) == pytest.approx(there_m)
 
 
 def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
     grid = ZoneGrid()
     middles = np.append(grid.tangents, np.ones((grid.zones, 1)), axis=1)
-    places = [middles, -middles, middles * [1.2, 1, 1], middles[[0, 0, 1]]]
-    assert [sees_all(place, grid) for place in places] == [True, False, False, False]
+    markers_m = [middles, -middles, middles * [1.2, 1, 1], middles[[0, 0, 1]]]
+    assert [places.sees_all(one, grid) for one in markers_m] == [True, False, False, False]
 
 
 def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
-    scene = view_from(SensorPose(np.zeros(3), np.eye(3)), WORLD, np.random.default_rng(0))
-    assert markers_at(scene) == pytest.approx(markers_at(WORLD))
+    scene = places.view_from(SensorPose(np.zeros(3), np.eye(3)), WORLD, np.random.default_rng(0))
+    assert places.markers_at(scene) == pytest.approx(places.markers_at(WORLD))
     shown, shipped = (
         {zone: one.distance_m for one in view.surfaces for zone in one.zones or ()}
         for view in (scene, WORLD)
@@ -86,8 +71,8 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
 
 def test_objects_that_are_not_read_are_not_placed() -> None:
     rng = np.random.default_rng(2)
-    pose = random_pose(WORLD, rng)
-    scene = view_from(pose, WORLD, rng)
+    pose = places.random_pose(WORLD, rng)
+    scene = places.view_from(pose, WORLD, rng)
     recording = Simulation(replace(scene, markers=scene.markers[:2]), rng).run(4)
     time_s, errors = coffee.place_all('joint', recording, scene, pose)
     assert time_s == math.inf
@@ -150,14 +135,14 @@ def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
 
 def test_time_by_which_a_share_is_identified() -> None:
     times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
-    assert (time_by_which(0.5, times_s), time_by_which(0.9, times_s)) == (3.0, None)
+    assert [time_to_id.time_by_which(share, times_s) for share in (0.5, 0.9)] == [3.0, None]
 
 
 def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
-    sent = appearing(1.0, np.random.default_rng(3))
-    before = sent.recording.stamp_ns < VIEW_S * 1e9
+    sent = time_to_id.appearing(1.0, np.random.default_rng(3))
+    before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
     assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
-    times_s, wrong = first_ids(sent, BOTH['joint'])
+    times_s, wrong = time_to_id.first_ids(sent, BOTH['joint'])
     assert np.isfinite(times_s).all()
     assert times_s.min() > 19 * BIT_PERIOD_S  # seven bits of the preamble and twelve of the ID
     assert wrong <= 1  # a packet that comes into view half sent may look like another
@@ -167,7 +152,7 @@ def test_bits_that_tell_ids_apart() -> None:
     ids = np.random.default_rng(3).choice(USABLE_IDS, 3, replace=False)
     own, *others = packet(ids)
     turned = [np.roll(other, -turn) for other in others for turn in range(PACKET_BITS)]
-    for start, needed in enumerate(needed_bits(ids)):
+    for start, needed in enumerate(time_to_id.needed_bits(ids)):
         differing = np.cumsum(np.roll(own, -start) != turned, axis=1).min(axis=0)
         assert needed == 1 + np.argmax(differing >= 2)
 
