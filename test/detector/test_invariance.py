@@ -102,11 +102,14 @@ def assert_alike(found: list[Reading], expected: list[Reading]) -> None:
 )
 def test_a_pedestal_and_a_gain_change_nothing(case: Case, pedestal: float, gain: float) -> None:
     recording = case.recording()
-    other = replace(recording, signal=(recording.signal + np.float32(pedestal)) * np.float32(gain))
+    changed = replace(
+        recording, signal=(recording.signal + np.float32(pedestal)) * np.float32(gain)
+    )
     # The pedestal itself makes no noise here, so the law must not expect any of it.
     floor = (LAW.floor - LAW.slope * pedestal) * gain**2
-    law = NoiseLaw(floor, LAW.slope * gain, LAW.ambient * gain**2)
-    assert_alike(read(other, law), read(recording))
+    assert_alike(
+        read(changed, NoiseLaw(floor, LAW.slope * gain, LAW.ambient * gain**2)), read(recording)
+    )
 
 
 @few
