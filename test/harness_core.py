@@ -100,11 +100,8 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        headers = (
-            *('decide', 'bits', 'rivals', 'successive'),
-            *('clock', 'gain_profile', 'observation', 'noise'),
-        )
-        self.ffi, self.lib = bind_core(directories, *headers)
+        names = 'decide bits rivals successive clock gain_profile observation noise'
+        self.ffi, self.lib = bind_core(directories, *names.split())
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')

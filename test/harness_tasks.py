@@ -288,7 +288,7 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
         hand.read('mug', 2107, there_m, at_m)
     observer.wait(
         lambda: bool(mug) and squared(mug[-1], there_m) < MAX_MAHALANOBIS,
-        'the mug at its new place',
+        'a new place',
     )
     for one in mug:
         assert min(squared(one, MUG_M), squared(one, there_m)) < MAX_MAHALANOBIS

@@ -44,7 +44,7 @@ FOLDERS: dict[str, tuple[str, ...]] = {
         'retrolidar_ros/detector',
         'test/detector/test_{detector,decoding,explain,frame_monitor,paper_method,place}.py',
         'test/cli/test_{calibrate,watch_state}.py',
-        'test/detector/test_{tracks,invariance,pinned_reading}.py',
+        'test/detector/test_{tracks,core_parts,invariance,pinned_reading}.py',
     ),
     **{
         name: (f'retrolidar_ros/{name}', tests)

@@ -272,9 +272,6 @@ def linked(image: Path) -> set[str]:
 
 def stack_bytes(build: Path, image: str, symbols: set[str]) -> int:
     """Return the sum of the stack frames of an image's functions."""
-    rows = [
-        row.split('\t')
-        for usage in build.glob(f'{image}.elf-*.su')
-        for row in usage.read_text().splitlines()
-    ]
+    used = ''.join(usage.read_text() for usage in build.glob(f'{image}.elf-*.su'))
+    rows = [row.split('\t') for row in used.splitlines()]
     return sum(int(size) for where, size, _ in rows if where.split(':')[-1] in symbols)

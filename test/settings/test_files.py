@@ -86,9 +86,8 @@ def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     recording = Simulation(scene).run(10)
     noise = scene.sensor.noise
     assert noise
-    blinking = recording.signal.std(axis=0) ** 2 > 4 * (
-        noise.floor + noise.slope * recording.signal.mean(axis=0)
-    )
+    variance = noise.floor + noise.slope * recording.signal.mean(axis=0)
+    blinking = recording.signal.std(axis=0) ** 2 > 4 * variance
     assert blinking.sum() >= len(scene.markers)
     assert load_scene(str(find_scene(name))) == scene
     # Its surfaces fill each zone.
