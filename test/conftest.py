@@ -6,6 +6,7 @@ import signal
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -73,6 +74,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def link(tmp_path: Path) -> Path:
     """Give the path at which a port will be."""
     return tmp_path / 'port'
+
+
+@pytest.fixture(scope='module')
+def core(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Give the statistics of the core."""
+    from harness_core import Statistics
+
+    return Statistics(tmp_path_factory)
 
 
 @pytest.fixture(scope='session')

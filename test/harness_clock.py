@@ -34,9 +34,7 @@ class Run:
 
     def only(self, kept: NDArray[np.bool_]) -> Run:
         """Lose the other frames."""
-        return Run(
-            self.true_s[kept], self.sensor_us[kept], self.host_ns[kept], self.arrival_ns[kept]
-        )
+        return Run(*(values[kept] for values in vars(self).values()))
 
     def host_set(self, at_s: float, step_s: float) -> Run:
         """Set the host's clock once."""

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from harness_firmware import make, need, shared_build
 from numpy.typing import NDArray
-from oracle import Sending, Zone
+from oracle import Sending, Zone, log_likelihood
 
 from retrolidar_ros.core import ffi as core_ffi
 from retrolidar_ros.detector.placement import core_sensor
-from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX
 from retrolidar_ros.sensor.noise import NoiseLaw
@@ -99,11 +100,8 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        headers = (
-            *('decide', 'bits', 'rivals', 'successive'),
-            *('clock', 'gain_profile', 'observation', 'noise'),
-        )
-        self.ffi, self.lib = bind_core(directories, *headers)
+        names = 'decide bits rivals successive clock gain_profile observation noise'
+        self.ffi, self.lib = bind_core(directories, *names.split())
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')
@@ -156,10 +154,7 @@ class Statistics:
         """Return signal and validity of the target in question."""
         count, room = self.samples.count, self.ffi.addressof(self.window, 'room')
         seen = self.lib.rl_target_column(self.samples, source, 0, count, room)
-        return (
-            self.numpy(seen.signal, count, 'float'),
-            self.numpy(seen.valid, count, 'uint8_t') > 0,
-        )
+        return self.numpy(seen.signal, count, 'float'), self.numpy(seen.valid, count, 'uint8_t') > 0
 
     def open(self, from_s: float, to_s: float, source: int) -> tuple[float, slice]:
         """Open a window; return its log likelihood without a packet, and its rows."""
@@ -201,19 +196,8 @@ class Statistics:
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
             hit.id, hit.transmission = int(number), self.given(sending)[0]
-        never = (-np.inf, -np.inf)
-        return self.lib.rl_decide(
-            self.window,
-            self.codebook,
-            demands,
-            source,
-            given.hit,
-            given,
-            packets,
-            *never,
-            False,
-            to_s,
-        )
+        asked = (demands, source, given.hit, given, packets, -np.inf, -np.inf, False, to_s)
+        return self.lib.rl_decide(self.window, self.codebook, *asked)
 
     def margins(self, sending: Sending, number: int) -> tuple[Any, float, float]:
         """Return bits of a packet in the window, and its margins against sequences and parts."""
@@ -238,3 +222,32 @@ class Statistics:
         """Let these IDs come, or all; return how many may."""
         self.lib.rl_codebook_start(self.codebook, self.array(ids, 'uint16_t'), len(ids))
         return int(self.codebook.words)
+
+
+NATS = 1e-3
+"""By how much core and oracle may differ."""
+
+
+def assert_agrees(core: Statistics, zone: Zone, null: float, tried: list[Sending]) -> None:
+    """Compare what both make of sendings in the window that the core has open."""
+    assert null == pytest.approx(log_likelihood([zone], None), abs=NATS)
+    for sending in tried:
+        found, wanted = core.attempt(sending), zone.fit(sending)
+        assert found.log_likelihood == pytest.approx(wanted.log_likelihood, abs=NATS)
+        if wanted.gain > 0:
+            assert found.gain == pytest.approx(wanted.gain, rel=1e-4)
+            assert found.variance == pytest.approx(wanted.variance, rel=1e-4)
+        else:
+            assert found.gain == 0
+
+
+def around(sending: Sending, rng: np.random.Generator) -> list[Sending]:
+    """Return a sending, and some that are like it or not."""
+    other = packet(rng.choice(USABLE_IDS)).astype(np.float64)
+    return [
+        sending,
+        sending._replace(start_s=sending.start_s + rng.uniform(-0.5, 0.5) * BIT_PERIOD_S),
+        sending._replace(bits=other, bit_s=BIT_PERIOD_S),
+        sending._replace(bits=1 - sending.bits),
+        sending._replace(repeats=not sending.repeats),
+    ]

@@ -3,7 +3,6 @@
 """Recordings of a marker or two, and what detectors read of them."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -34,12 +33,6 @@ def a_scene(**marker: object) -> Scene:
         ),
         surfaces=(Surface(float(1.2 * GRID.z_per_range[ZONE]), 4.0),),
     )
-
-
-def and_another(scene: Scene, **marker: object) -> Scene:
-    """Return a scene with a second marker, a little later and in another zone."""
-    settings = {'id': OTHER_ID, 'position_m': (0.39, -0.39, 1.2), 'start_s': 2.3, **marker}
-    return replace(scene, markers=(*scene.markers, replace(scene.markers[0], **settings)))  # type: ignore[arg-type]
 
 
 def simulate(scene: Scene, duration_s: float = 4.5, seed: int = 3) -> Recording:

@@ -1,14 +1,19 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that no scene makes."""
+"""Frames that no scene makes, packets of the wire, and what a reader makes of them."""
 
+import struct
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from hypothesis import settings
 from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import Status
+from retrolidar_ros.sensor.wire import DELIMITER, FrameReader, WireCounts, encode_frame
 
 START_NS = 1_700_000_000 * 10**9
 FRAME_PERIOD_NS = 21_000_000
@@ -58,3 +63,59 @@ def recording_of(
         ambient=each(0.0, np.float32),
         status=each(status, np.uint8),
     )
+
+
+SENSOR_TIME_US = 0x0123456789AB
+# The zones of one frame in the sensor's order: distance [mm/4], signal and ambient light
+# [kcps/SPAD/2048], status. Zone 0 is the scene's top right.
+ZONES = [(1000 * n - 4000, 2048 * n + 1024, 256 * n, 5 + n) for n in range(16)]
+ZONES[6] = (0, 0, 2**24, 255)
+ZONES[7] = (-32768, 2**24, 0, 0)
+
+law = settings(derandomize=True, deadline=None, max_examples=60)
+
+
+def content_of(
+    rows: int, columns: int, zones: Iterable[tuple[int, ...]], kind: int = 1, sequence: int = 0
+) -> bytes:
+    """Return the content of a packet as the protocol's table has it."""
+    header = struct.pack('<BIQBB', kind, sequence, SENSOR_TIME_US, rows, columns)
+    return header + b''.join(struct.pack('<hIIB', *zone) for zone in zones)
+
+
+def make_frame(side: int = 4, sequence: int = 7, **changes: Any) -> Frame:
+    """Return a frame whose zones all differ."""
+    zones = np.arange(side * side)
+    frame = Frame(
+        stamp_ns=0,
+        sequence=sequence,
+        sensor_time_us=21_000 * sequence,
+        grid=ZoneGrid(side, side),
+        distance=(0.5 + 0.01 * zones).astype(np.float32),
+        signal=(10.0 + zones).astype(np.float32),
+        ambient=(1.0 + zones / 4).astype(np.float32),
+        status=np.full(side * side, 5, dtype=np.uint8),
+    )
+    return replace(frame, **changes)
+
+
+def make_packets(count: int, side: int = 4) -> list[bytes]:
+    """Return the packets of consecutive frames, each with its delimiter."""
+    return [encode_frame(make_frame(side, sequence)) for sequence in range(count)]
+
+
+def reader_in_step() -> FrameReader:
+    """Return a reader that knows where the next packet begins."""
+    reader = FrameReader()
+    assert reader.feed(DELIMITER) == []
+    return reader
+
+
+def read(stream: bytes) -> tuple[list[Frame], WireCounts]:
+    """Read a stream that comes in one piece, from a packet's beginning."""
+    reader = reader_in_step()
+    return reader.feed(stream), reader.counts
+
+
+def sequences(frames: Iterable[Frame]) -> list[int]:
+    return [frame.sequence for frame in frames]

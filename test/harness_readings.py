@@ -50,11 +50,9 @@ def seen(
     )
 
 
-def look_round(
-    landmark: Landmark, place_m: Floats, rng: np.random.Generator, start_s: float = 0.0
-) -> None:
+def look_round(landmark: Landmark, place_m: Floats, rng: np.random.Generator) -> None:
     for index, (eye_m, _) in enumerate(itertools.product(SQUARE, range(3))):
-        landmark.take(seen(place_m, eye_m, rng, stamp_s=start_s + index))
+        landmark.take(seen(place_m, eye_m, rng, stamp_s=index))
 
 
 def estimate_of(landmark: Landmark) -> Estimate:

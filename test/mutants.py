@@ -32,7 +32,7 @@ from typing import NamedTuple
 from evaluation.bench.core_parts import PARTS
 
 ROOT = Path(__file__).resolve().parents[1]
-DECISION_TESTS = 'test/detector/test_oracle.py test/detector/test_decision_parts.py'
+DECISION_TESTS = 'test/detector/test_{oracle,rivals,decision_parts}.py'
 CORE_TESTS = (
     'test/detector/test_pinned_reading.py',
     'test/detector test/firmware test/marker test/sensor',
@@ -44,7 +44,7 @@ FOLDERS: dict[str, tuple[str, ...]] = {
         'retrolidar_ros/detector',
         'test/detector/test_{detector,decoding,explain,frame_monitor,paper_method,place}.py',
         'test/cli/test_{calibrate,watch_state}.py',
-        'test/detector/test_{restart,tracks,zone_light,invariance,pinned_reading}.py',
+        'test/detector/test_{tracks,core_parts,invariance,pinned_reading}.py',
     ),
     **{
         name: (f'retrolidar_ros/{name}', tests)

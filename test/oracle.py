@@ -175,9 +175,7 @@ def word(zones: Sequence[Zone], sending: Sending) -> float:
     """Return by how much another sequence of bits is likelier, found by turning one at a time."""
     own = best = log_likelihood(zones, sending)
     for _ in range(FLIPS):
-        turned = [
-            sending._replace(bits=np.abs(sending.bits - flip)) for flip in np.eye(PACKET_BITS)
-        ]
+        turned = [sending._replace(bits=np.abs(sending.bits - one)) for one in np.eye(PACKET_BITS)]
         likelihoods = [log_likelihood(zones, other) for other in turned]
         if max(likelihoods) <= best:
             break

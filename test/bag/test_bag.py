@@ -1,7 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bags hold what was written, in every form that recorders give them."""
+"""Bags hold what was written, in every form that recorders give them, or say what is refused."""
 
+import os
+import sys
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,17 +20,19 @@ from harness_bags import (
     both_storages,
     equal,
     mcap_file,
+    read_all,
     rosbag2,
     serialized,
     type_store,
     write_bag,
     write_messages,
 )
+from harness_firmware import run
 from harness_frames import make_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retrolidar_ros.bag import FRAME_TYPE, FrameWriter, read_frames
+from retrolidar_ros.bag import FRAME_TYPE, BagError, FrameWriter, read_frames
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 FRAME_HASH = 'RIHS01_55fececcaa4f65fa308471ca99d0871830bfe9d01c88f720e0675c50b85841cb'  # rosidl's
@@ -155,3 +159,97 @@ def test_split_bags(tmp_path: Path, storage: Storage) -> None:
     assert assert_good_until(bag, frames, 'no metadata.yaml') == len(frames)
     (bag / names[3]).write_bytes(b'')
     assert assert_good_until(bag, frames, f'{names[3]}: the file is empty') == 15
+
+
+def test_a_bag_that_cannot_be_made_or_exists_already(tmp_path: Path) -> None:
+    file = write_bag(tmp_path / 'bag', make_frames(3))
+    before = file.read_bytes()
+    for path in (tmp_path / 'bag', tmp_path, file):
+        with pytest.raises(BagError, match='exists already'):
+            FrameWriter(path)
+    assert file.read_bytes() == before
+    with pytest.raises(BagError, match='Not a directory'), FrameWriter(file / 'bag'):
+        pass
+    storage: Any = 'rosbag1'
+    with pytest.raises(BagError, match="'rosbag1' is not mcap or sqlite3"):
+        FrameWriter(tmp_path / 'other', storage)
+
+
+@both_storages
+def test_numbers_that_do_not_fit_are_refused(tmp_path: Path, storage: Storage) -> None:
+    frames = make_frames(2)
+    with FrameWriter(tmp_path / 'bag', storage) as writer:
+        writer.write(frames[0])
+        for changes in (
+            {'stamp_ns': -1},
+            {'stamp_ns': 2**31 * 10**9},
+            {'sequence': -1},
+            {'sequence': 2**32},
+            {'sensor_time_us': 2**64},
+        ):
+            with pytest.raises(BagError):
+                writer.write(Frame(**{**vars(frames[0]), **changes}))
+        for received_ns in (-5, 2**63):
+            with pytest.raises(BagError, match=f'{received_ns} ns'):
+                writer.write(frames[0], received_ns=received_ns)
+        with pytest.raises(ValueError, match='signal has shape'):
+            writer.write(Frame(**{**vars(frames[0]), 'signal': np.zeros(3, np.float32)}))
+        writer.write(frames[1])
+    assert equal(read_frames(tmp_path / 'bag'), frames)
+
+
+@both_storages
+def test_rosbags_is_needed_to_write_and_to_decompress_only(
+    tmp_path: Path, storage: Storage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = make_frames(3)
+    write_bag(tmp_path / 'bag', frames, storage)
+    write_messages(tmp_path / 'zstd', serialized(frames), storage, 'FILE')
+    for name in ('rosbags', 'backports.zstd', 'compression.zstd'):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert equal(read_frames(tmp_path / 'bag'), frames)
+    with pytest.raises(BagError, match=r'pip install rosbags'):
+        FrameWriter(tmp_path / 'other', storage)
+    with pytest.raises(BagError, match=r'zstd: pip install rosbags'):
+        next(read_frames(tmp_path / 'zstd'))
+
+
+def open_files() -> int:
+    """Return how many files this process has open."""
+    return len(os.listdir('/proc/self/fd'))
+
+
+@pytest.mark.skipif(not Path('/proc/self/fd').is_dir(), reason='needs /proc to count open files')
+@both_storages
+def test_no_file_stays_open(tmp_path: Path, storage: Storage) -> None:
+    frames = make_frames(50)
+    before = open_files()
+    file = write_bag(tmp_path / 'bag', frames, storage)
+    write_messages(tmp_path / 'zstd', serialized(frames), storage, 'FILE')
+    list(read_frames(file))
+    for path in (file, tmp_path / 'zstd'):
+        part = read_frames(path)
+        next(part)
+        assert open_files() > before
+        part.close()  # type: ignore[attr-defined]
+    file.write_bytes(file.read_bytes()[:-100])
+    assert read_all(file)[1] is not None
+    with pytest.raises(BagError), FrameWriter(tmp_path / 'bag2', storage) as writer:
+        writer.write(frames[0], received_ns=-1)
+    assert open_files() == before
+
+
+@both_storages
+def test_what_was_written_before_a_sudden_end_is_kept(tmp_path: Path, storage: Storage) -> None:
+    script = (
+        'import os, sys; from harness_frames import make_frames; from retrolidar_ros.bag import *\n'
+        'writer = FrameWriter(sys.argv[1], sys.argv[2]); writer.__enter__()\n'
+        'for frame in make_frames(1000): writer.write(frame)\n'
+        'os._exit(9)'
+    )
+    path = os.pathsep.join(sys.path)
+    run(sys.executable, '-c', script, tmp_path / 'bag', storage, PYTHONPATH=path)
+    read, error = read_all(tmp_path / 'bag')
+    assert len(read) >= 750
+    assert equal(read, make_frames(1000)[: len(read)])
+    assert error is not None

@@ -184,12 +184,9 @@ def test_a_wrong_topic_is_refused(tmp_path: Path, storage: Storage) -> None:
     write_bag(tmp_path / 'empty', [], storage)
     assert len(list(read_frames(tmp_path / 'bag', '/left/frames'))) == 2
     there = r'.*/left/frames \(retrolidar_ros/msg/Frame\).*'
+    missing = rf'no topic {FRAMES_TOPIC}(?={there})(?=.*/other \(std_msgs/msg/Header)'
     for bag, topic, text in (
-        (
-            'bag',
-            FRAMES_TOPIC,
-            rf'no topic {FRAMES_TOPIC}(?={there})(?=.*/other \(std_msgs/msg/Header)',
-        ),
+        ('bag', FRAMES_TOPIC, missing),
         ('bag', '/other', f'/other is of type std_msgs/msg/Header, not {FRAME_TYPE}'),
         ('empty', FRAMES_TOPIC, f'{FRAMES_TOPIC} has no frames'),
     ):
@@ -244,20 +241,15 @@ def test_a_computed_table_is_refused(tmp_path: Path, script: str) -> None:
     assert 'messages is computed' in str(error)
 
 
-def test_what_unpacks_is_held_to_the_limit_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_unpacks_is_held_to_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     zstd = pytest.importorskip(messages._ZSTD)
     frames = make_frames(100)
     packed, file = tmp_path / 'a.mcap', tmp_path / 'b.mcap.zstd'
     packed.write_bytes(mcap_file(frames, compression='ZSTD'))
     file.write_bytes(zstd.compress(bytes(10**8)))
-    for limit, path, says in (
-        (500, packed, 'unpack to more than 500'),
-        (4096, file, 'it unpacks to more than'),
-    ):
+    for limit, path, says in ((500, packed, ' 500'), (4096, file, '')):
         monkeypatch.setattr(messages, 'MAX_BYTES', limit)
-        assert assert_good_until(path, frames, says) == 0
+        assert assert_good_until(path, frames, f'to more than{says}') == 0
 
 
 @pytest.mark.parametrize('mode', ['WAL', 'DELETE'])
@@ -287,9 +279,7 @@ def test_what_a_killed_recorder_has_left_is_read(tmp_path: Path, mode: str) -> N
     assert {part: part.read_bytes() for part in left.iterdir()} == before
 
 
-def test_control_characters_in_names_are_escaped(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_control_characters_are_escaped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with FrameWriter(tmp_path / 'bag', topic='/a\x1b[2J\x07' + 'b' * 10**6) as bag:
         bag.write(make_frames(1)[0])
     assert main(['decode', str(tmp_path / 'bag')]) == 2

@@ -125,9 +125,7 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
         ('{markers: {id: 1}}', 'is no parameter file'),
     ],
 )
-def test_a_parameter_file_that_cannot_be_is_named(
-    text: str, message: str, tmp_path: Path, capsys: Output
-) -> None:
+def test_bad_parameters_are_named(text: str, message: str, tmp_path: Path, capsys: Output) -> None:
     (tmp_path / 'p.yaml').write_text(text)
     bag = bag_of(tmp_path, 1)
     assert main(['decode', bag, '--params', str(tmp_path / 'p.yaml')]) == 2

@@ -115,9 +115,7 @@ def test_a_child_that_ignores_sigint_is_killed(
         assert line.all_gone()
 
 
-def test_check_reports_the_child_that_ended_and_the_end_of_its_log(
-    tmp_path: Path, line: LifeLine
-) -> None:
+def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: LifeLine) -> None:
     program = 'for i in $(seq 1 40); do echo "line $i"; done; echo oops >&2; exit 3'
     lines = '\n'.join(f'line {number}' for number in range(27, 41))
     with ProcessGroup(tmp_path) as group:

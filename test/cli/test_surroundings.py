@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from harness_firmware import run
 from harness_frames import make_frames
 
 from retrolidar_ros import cli
@@ -90,29 +91,18 @@ ABSENT = (
 )
 
 
-def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run(
-        [*PROGRAM, *arguments],
-        capture_output=True,
-        env={**os.environ, **environment},
-        timeout=60,
-        check=False,
-    )
-
-
 def test_a_locale_that_lacks_characters_costs_those_only() -> None:
     for command in ('ids', 'budget', 'decode'):
-        result = run(command, '--help', PYTHONIOENCODING='iso-8859-1', PYTHONUTF8='0')
+        result = run(*PROGRAM, command, '--help', PYTHONIOENCODING='iso-8859-1', PYTHONUTF8='0')
         assert result.returncode == 0, result.stderr
-    assert run('--help', LC_ALL='C', PYTHONUTF8='0', PYTHONCOERCECLOCALE='0').returncode == 0
+    result = run(*PROGRAM, '--help', LC_ALL='C', PYTHONUTF8='0', PYTHONCOERCECLOCALE='0')
+    assert result.returncode == 0, result.stderr
 
 
 def test_a_missing_library_is_named_as_pip_knows_it() -> None:
-    result = subprocess.run(
-        [sys.executable, '-c', ABSENT], capture_output=True, text=True, timeout=60, check=False
-    )
+    result = run(sys.executable, '-c', ABSENT)
     assert result.returncode == 2
-    assert result.stderr.splitlines()[-1].endswith('pip install pyserial')
+    assert result.stderr.splitlines()[-1].endswith(b'pip install pyserial')
 
 
 @pytest.mark.parametrize('delay_s', [0.05, 0.1, 0.2, 0.4])
@@ -150,8 +140,7 @@ def test_tools_of_ros_that_are_not_there_are_named_with_what_does_the_same() -> 
     root = Path(__file__).parents[2]
     if not (root / '.venv').exists() or shutil.which('ros2'):
         pytest.skip('needs the environment of make build, without the tools of ROS')
-    command = [str(root / 'embedded' / 'run'), 'ros2', 'bag', 'play', 'x']
-    result = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    result = run(root / 'embedded' / 'run', 'ros2', 'bag', 'play', 'x')
     assert result.returncode == 127
     (line,) = result.stderr.splitlines()
-    assert 'retrolidar watch, record, replay' in line
+    assert b'retrolidar watch, record, replay' in line

@@ -36,9 +36,7 @@ def test_a_still_scene_before_st_s_example_does_not_blink(capsys: Output) -> Non
     assert last.endswith('no zone blinks')
 
 
-def test_a_port_that_is_not_there_is_explained_even_to_a_closed_output(
-    tmp_path: Path, capsys: Output
-) -> None:
+def test_a_missing_port_is_told_even_to_a_closed_output(tmp_path: Path, capsys: Output) -> None:
     assert main(['watch', str(tmp_path / 'port'), '--duration', '0.3']) == 1
     (line,) = capsys.readouterr().out.splitlines()
     assert 'port does not exist; is the sensor plugged in?; retrying; 0.0 frames/s' in line
@@ -79,12 +77,10 @@ def test_a_log_has_a_line_a_second(port: Path, capsys: Output) -> None:
 def test_a_terminal_shows_ids_and_is_restored(port: Path, request_to_end: signal.Signals) -> None:
     master, slave = pty.openpty()
     ioctl(slave, TIOCSWINSZ, pack('HHHH', 30, 100, 0, 0))
-    environment = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}
-    environment.pop('COLUMNS', None)
-    environment.pop('LINES', None)
-    process = subprocess.Popen(
-        [*COMMAND, 'watch', str(port)], stdin=slave, stdout=slave, env=environment
-    )
+    env = {**os.environ, 'TERM': 'linux', 'PYTHONIOENCODING': 'utf-8'}
+    env.pop('COLUMNS', None)
+    env.pop('LINES', None)
+    process = subprocess.Popen([*COMMAND, 'watch', str(port)], stdin=slave, stdout=slave, env=env)
     os.close(slave)
     shown = b''
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics
+from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics, bind_core
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, light
@@ -14,12 +14,6 @@ from oracle import Sending, light
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
-
-
-@pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
-    return Statistics(tmp_path_factory)
-
 
 KNOTS = 7
 
@@ -54,11 +48,8 @@ def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
     steps = np.diff(signal.astype(np.float64)[valid])
     assert 15 < fit.nats < steps @ steps / (4 * 9.0)
     assert (np.ptp(list(gains)) > 0) == (sway > 0)
-    other = light(
-        Sending(packet(1234).astype(np.float64), True, 0.2, BIT_PERIOD_S),
-        begin_s,
-        begin_s + PERIOD_S,
-    )
+    sending = Sending(packet(1234).astype(np.float64), True, 0.2, BIT_PERIOD_S)
+    other = light(sending, begin_s, begin_s + PERIOD_S)
     assert core.lib.rl_gain_profile_fit(*seen[:2], core.array(other), 70, gains).nats < 0
 
 
@@ -168,3 +159,31 @@ def test_the_variation_of_a_zone_is_that_of_its_newest_packet(core: Statistics) 
             found = [core.lib.rl_noise_variation(core.samples, zone) for zone in range(16)]
             np.testing.assert_allclose(found, expected, rtol=1e-6)
             core.lib.rl_noise_follow(core.samples, rows, True)
+
+
+@pytest.mark.parametrize(
+    ('zone', 'light', 'crossed', 'learns'),
+    [
+        (5, 1.0, False, True),  # the strongest
+        (5, 0.7, False, False),  # in part of an exposure it may be the clock that is off
+        (5, 0.7, True, True),
+        (6, 1.0, True, True),  # beside it
+        (6, 1.0, False, False),
+        (7, 1.0, True, False),  # farther away
+    ],
+)
+def test_a_gain_is_learnt_at_once_where_light_has_moved(
+    zone: int, light: float, crossed: bool, learns: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    ffi, lib = bind_core(tmp_path_factory, 'zone_light')
+    lights, samples = ffi.new('struct rl_zone_light[16]'), ffi.new('struct rl_zone_sample[16]')
+    for one in lights:
+        one.level, one.level_variance, one.gain_variance, one.excess = 10.0, 0.1, 0.1, 1.0
+    lights[5].gain, lights[6].gain, lights[7].gain = 100.0, 40.0, 40.0
+    before = lights[zone].gain
+    samples[zone] = (True, 10.0 + light * (before + 60.0), 4.0)
+    glance = ffi.new('struct rl_glance *', {'step_s': 0.021, 'bit_s': 0.042, 'light': light})
+    lib.rl_zone_update(lights, samples, 16, 4, glance, crossed)
+    learnt = (lights[zone].gain - before) / 60.0
+    assert learnt > 0.9 if learns else learnt < 0.1
+    assert np.isfinite(lights[zone].gain_variance)

@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
 
+import importlib
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from harness_core import PROGRAMS, SOURCES, compile_core
-from harness_firmware import TIME_LIMIT_S, need, printed
+from harness_core import PROGRAMS, ROOT, SOURCES, compile_core
+from harness_firmware import need, printed, run
+
+from retrolidar_ros import core
 
 STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
 RUNS = ((0, 7, 200), (1140, 1, 1200))
@@ -28,10 +30,10 @@ def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) 
     # Python itself leaves memory at its end.
     given = {'LD_PRELOAD': sanitizer, 'ASAN_OPTIONS': 'detect_leaks=0'}
     candidates = read = 0
-    for run in RUNS:
-        said = printed(sys.executable, PROGRAMS / 'fuzz.py', library, *map(str, run), **given)
+    for detectors in RUNS:
+        said = printed(sys.executable, PROGRAMS / 'fuzz.py', library, *map(str, detectors), **given)
         listed = LISTED.findall(said)
-        assert len(listed) == run[1]
+        assert len(listed) == detectors[1]
         candidates += sum(int(judged) for judged, _ in listed)
         read += sum(int(known) for _, known in listed)
     # Else it would have seen little of the core.
@@ -60,15 +62,8 @@ def test_the_core_has_no_state_of_its_own(tmp_path_factory: pytest.TempPathFacto
 
 def has_library(compiler: str) -> bool:
     """Tell whether a compiler comes with the headers of a C library."""
-    tried = subprocess.run(
-        [compiler, '-E', '-xc', '-'],
-        input='#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n',
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-    )
-    return tried.returncode == 0
+    headers = '#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n'
+    return run(compiler, '-E', '-xc', '-', given=headers).returncode == 0
 
 
 @pytest.mark.parametrize('processor', PROCESSORS)
@@ -77,12 +72,29 @@ def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> 
     need(compiler)
     if not has_library(compiler):
         pytest.skip(f'needs a C library for {compiler}')
-    ended = subprocess.run(
-        [compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', '-c', *SOURCES.glob('*.c')],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIME_LIMIT_S,
-    )
-    assert ended.returncode == 0, ended.stderr
+    for source in SOURCES.glob('*.c'):
+        made = ('-c', source, '-o', tmp_path / 'one.o')
+        printed(compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', *made)
+
+
+def test_arguments_that_the_types_do_not_hold_are_refused() -> None:
+    assert core.lib.rl_packet(2073) >> core.lib.RL_WORD_BITS == core.lib.RL_PREAMBLE
+    with pytest.raises(OverflowError):
+        core.lib.rl_packet(2**16)
+
+
+def test_a_missing_core_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'retrolidar_ros._core', None)
+    with pytest.raises(ImportError, match=r'compiled core is missing.*build-essential') as caught:
+        importlib.reload(core)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('cffi')
+    pytest.importorskip('setuptools')
+    build = ['build_ext', '--build-temp', tmp_path, '--build-lib', tmp_path]
+    monkeypatch.chdir(ROOT)
+    ended = run(sys.executable, 'setup.py', *build, CC='/nonexistent')
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines()[-1].startswith(b'error: retrolidar_ros needs a C compiler')

@@ -17,11 +17,6 @@ PACKET_S = PACKET_BITS * BIT_PERIOD_S
 START_S = 1.0
 
 
-@pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
-    return Statistics(tmp_path_factory)
-
-
 class Marker(NamedTuple):
     """A marker before a wall, of which so many packets are judged."""
 
@@ -109,9 +104,7 @@ def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: 
 
 
 @pytest.mark.parametrize('rate', [0.95, 1.05])
-def test_a_clock_is_never_refined_beyond_those_that_are_looked_for(
-    core: Statistics, rate: float
-) -> None:
+def test_a_clock_is_never_refined_beyond_those_looked_for(core: Statistics, rate: float) -> None:
     core.start_codebook()
     sending = Sending(packet(2073).astype(np.float64), False, START_S, rate * BIT_PERIOD_S)
     middle_s = np.arange(PERIOD_S / 2, START_S + 1.3 * PACKET_S, PERIOD_S)

@@ -72,7 +72,7 @@ def reading(at_s: float, range_m: float = 1.0, identity: int = ID) -> Detection:
 
 
 @pytest.mark.parametrize('min_readings', [1, 2, 3, 20])
-def test_the_first_readings_of_a_marker_are_withheld_and_whoever_has_no_more_is_told(
+def test_first_readings_are_withheld_and_whoever_has_no_more_is_told(
     min_readings: int,
 ) -> None:
     decoding = decoding_of(min_readings)
@@ -105,12 +105,10 @@ def test_two_readings_agree_in_id_time_and_range(second: Detection, agrees: bool
 
 def test_rare_chance_readings_never_pass() -> None:
     """At a hundred times the default rate, of 4094 IDs, for three days."""
-    rng = np.random.default_rng(1)
-    agreement = Agreement(2)
+    rng, agreement = np.random.default_rng(1), Agreement(2)
     at_s = np.sort(rng.uniform(0, 72 * 3600, 720))
     rows = zip(at_s, rng.uniform(0.3, 4, 720), rng.integers(1, 4095, 720), strict=True)
-    passed = [agreement.confirmed([reading(*row)]) for row in rows]
-    assert sum(map(len, passed)) == 0
+    assert not any(agreement.confirmed([reading(*row)]) for row in rows)
 
 
 def test_a_marker_is_followed_once_a_reading_of_it_was_passed_on() -> None:

@@ -102,9 +102,7 @@ def samples(which: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 @every_method
 @pytest.mark.parametrize('field', ['distance', 'signal', 'ambient'])
 @pytest.mark.parametrize('which', ['for a while', 'strongest', 'some', 'all'])
-def test_impossible_values_are_erasures_that_place_nothing(
-    method: str, field: str, which: str
-) -> None:
+def test_impossible_values_are_erasures_without_place(method: str, field: str, which: str) -> None:
     recording = repeating(5.0)
     hit = samples(which, recording.signal.shape)
     for value in (*IMPOSSIBLE[field], *STRANGE[field]):
@@ -171,9 +169,7 @@ def test_zones_that_never_see_anything_do_no_harm(method: str) -> None:
     ],
 )
 @every_method
-def test_impossible_parameters(
-    method: str, name: str, values: tuple[object, ...], message: str
-) -> None:
+def test_bad_parameters(method: str, name: str, values: tuple[object, ...], message: str) -> None:
     for value in values:
         with pytest.raises(ValueError, match=message):
             create_detector(method, GRID, **{name: value})  # type: ignore[arg-type]

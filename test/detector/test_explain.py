@@ -53,9 +53,7 @@ def explained(recording: Recording, **changes: Any) -> list[Finding]:
         *((bit_ms, *place) for bit_ms, place in zip(BITS_MS, cycle(PLACES), strict=False)),
     ],
 )
-def test_the_bit_period_that_is_advised_is_the_true_one(
-    bit_ms: float, range_m: float, seed: int
-) -> None:
+def test_the_bit_period_advised_is_the_true_one(bit_ms: float, range_m: float, seed: int) -> None:
     """Also where a clock shows an alias, as of bits shorter than two frames, or none, as of one."""
     start_s = 0.007 * seed
     recording = seen(marker(range_m, bit_period_s=bit_ms * 1e-3, start_s=start_s), seed=seed)
@@ -165,11 +163,9 @@ def recorded(period: str, bit: str, zones: str = '4x4') -> Recording:
 )
 def test_an_unknown_bit_period_is_found(period: str, bit: str, zones: str) -> None:
     recording = recorded(period, bit, zones)
-    strongest = blinking_zones(recording, NoiseLaw())[0]
-    assert strongest.periods[0].bit_period_s == pytest.approx(
-        float(bit.split()[0]) * 1.004e-3, rel=0.02
-    )
-    assert strongest.is_clocked
+    best = blinking_zones(recording, NoiseLaw())[0]
+    assert best.periods[0].bit_period_s == pytest.approx(float(bit.split()[0]) * 1.004e-3, rel=0.02)
+    assert best.is_clocked
 
 
 @pytest.mark.parametrize('steps_s', [[0.0], [0.0, 0.0, 0.0, 0.1], [0.02] * 100 + [-2.0], [-0.02]])

@@ -55,9 +55,7 @@ def test_a_pause_of_frames_is_no_bit_period() -> None:
     """As when a sensor was stopped, or its cable was out."""
     frames = frames_of()
     for number in range(200, 800, 60):
-        later = [
-            replace(frame, stamp_ns=frame.stamp_ns + 4_000_000_000) for frame in frames[number:]
-        ]
+        later = [replace(frame, stamp_ns=frame.stamp_ns + 4 * 10**9) for frame in frames[number:]]
         assert not any(findings([*frames[:number], *later]))
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What does not concern a packet changes nothing; and the brighter it is, the surer it is read."""
+"""What does not concern a packet changes nothing, nor does what was before a jump of time."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import record
-from evaluation.bench.stresses import STRESSES
+from evaluation.bench.stresses import STRESSES, Stress
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Recording
@@ -78,9 +78,7 @@ def new_detector(recording: Recording) -> Detector:
 
 
 def readings(detections: list[Detection]) -> list[Reading]:
-    return sorted(
-        Reading(one.zones, one.id, one.packets, one.start_ns, one.evidence) for one in detections
-    )
+    return sorted(Reading(d.zones, d.id, d.packets, d.start_ns, d.evidence) for d in detections)
 
 
 def read(recording: Recording, noise: NoiseLaw = LAW) -> list[Reading]:
@@ -163,9 +161,7 @@ def test_a_mirrored_view_changes_nothing_else(case: Case, axis: int) -> None:
     usual = new_detector(recording)
     expected = readings(usual.update_all(recording))
     assume(usual.counts.overloads == 0)
-    mirrored = [
-        one._replace(zones=tuple(int(order[zone]) for zone in one.zones)) for one in read(turned)
-    ]
+    mirrored = [one._replace(zones=tuple(order[[*one.zones]].tolist())) for one in read(turned)]
     assert_alike(sorted(mirrored), expected)
 
 
@@ -181,3 +177,32 @@ def test_the_brighter_the_surer(name: str, signal: float) -> None:
     """All disturbances of a marker's light grow with it, and none of them costs a bright one."""
     sent = record(STRESS[name], signal, np.random.default_rng(round(signal)))
     assert np.mean(judged(sent, {'method': 'joint'}).right) >= 0.9
+
+
+CLOCKS = Stress('two markers, lost frames, noise', second=0.6, lost=0.1, noise=2.0, sway=0.2)
+
+
+def two_markers(seed: int) -> Recording:
+    """Return two markers in each zone, of which the clocks are fast."""
+    stress = replace(CLOCKS, clock_error=-0.01 * seed)
+    rng = np.random.default_rng(seed)
+    recording = record(stress, 150.0, rng, USABLE_IDS, repeated_s=6.0).recording
+    recording.ambient[:] = 3.0 * seed
+    return recording
+
+
+def played(detector: Detector, recording: Recording) -> list[tuple[Detection, ...]]:
+    """Return what every frame brings."""
+    return [tuple(detector.update(frame)) for frame in recording]
+
+
+@pytest.mark.parametrize('jump_s', [-100.0, 1e4])
+def test_a_jump_of_time_leaves_nothing(jump_s: float) -> None:
+    before, recording = two_markers(0), two_markers(1)
+    moved = replace(recording, stamp_ns=recording.stamp_ns + round(jump_s * 1e9))
+    fresh, detector = played(new_detector(recording), moved), new_detector(recording)
+    assert any(played(detector, before))
+    again = played(detector, moved)
+    assert [len(one) for one in again] == [len(one) for one in fresh]
+    assert repr(again) == repr(fresh)
+    assert sum(len(one) for one in fresh) > 20

@@ -7,39 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics
+from harness_core import GRID, LAW, NATS, PERIOD_S, Statistics, around, assert_agrees
 from harness_frames import recording_of
 from numpy.typing import NDArray
-from oracle import (
-    Sending,
-    Zone,
-    evidence,
-    light,
-    log_likelihood,
-    margin,
-    part_margin,
-    sequence_margin,
-    without,
-    word,
-)
+from oracle import Sending, evidence, light, margin, word
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 SILENCE_S = 1.0  # before the first packet in question
-NATS = 1e-3
-"""By how much core and oracle may differ."""
-ABOUT = 3.0
-"""The same where the core does not try a rival exactly [nats]."""
-EXPOSURES = (PERIOD_S * np.arange(80), PERIOD_S * np.arange(1, 81))
-
-
-@pytest.fixture(scope='module')
-def core(tmp_path_factory: pytest.TempPathFactory) -> Statistics:
-    return Statistics(tmp_path_factory)
 
 
 class Sent(NamedTuple):
@@ -58,9 +37,7 @@ def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
     return stamps
 
 
-def random_recording(
-    rng: np.random.Generator, packets: int, *, repeats: bool | None = None
-) -> Sent:
+def random_frames(rng: np.random.Generator, packets: int, *, repeats: bool | None = None) -> Sent:
     """Return markers of all kinds, on levels that wander, with samples that are missing.
 
     Parameters
@@ -100,35 +77,10 @@ def random_recording(
     return Sent(recording, sendings)
 
 
-def assert_agrees(core: Statistics, zone: Zone, null: float, tried: list[Sending]) -> None:
-    """Compare what both make of sendings in the window that the core has open."""
-    assert null == pytest.approx(log_likelihood([zone], None), abs=NATS)
-    for sending in tried:
-        found, wanted = core.attempt(sending), zone.fit(sending)
-        assert found.log_likelihood == pytest.approx(wanted.log_likelihood, abs=NATS)
-        if wanted.gain > 0:
-            assert found.gain == pytest.approx(wanted.gain, rel=1e-4)
-            assert found.variance == pytest.approx(wanted.variance, rel=1e-4)
-        else:
-            assert found.gain == 0
-
-
-def around(sending: Sending, rng: np.random.Generator) -> list[Sending]:
-    """Return a sending, and some that are like it or not."""
-    other = packet(rng.choice(USABLE_IDS)).astype(np.float64)
-    return [
-        sending,
-        sending._replace(start_s=sending.start_s + rng.uniform(-0.5, 0.5) * BIT_PERIOD_S),
-        sending._replace(bits=other, bit_s=BIT_PERIOD_S),
-        sending._replace(bits=1 - sending.bits),
-        sending._replace(repeats=not sending.repeats),
-    ]
-
-
 @pytest.mark.parametrize(('seed', 'packets'), enumerate([1] * 6 + [2, 5]))
 def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int) -> None:
     rng = np.random.default_rng(seed)
-    sent = random_recording(rng, packets)
+    sent = random_frames(rng, packets)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     for zone in rng.choice(GRID.zones, 6 if packets == 1 else 2, replace=False):
         sending = sent.sendings[zone]
@@ -140,7 +92,7 @@ def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int
 
 def test_likelihoods_of_sums_of_zones(core: Statistics) -> None:
     rng = np.random.default_rng(10)
-    sent = random_recording(rng, 1)
+    sent = random_frames(rng, 1)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     for source, zones in ((17, 4), (25, 9), (29, 16)):  # squares, up to the whole view
         null, rows = core.open(SILENCE_S - 0.4, SILENCE_S + PACKET_S, source)
@@ -151,7 +103,7 @@ def test_likelihoods_of_sums_of_zones(core: Statistics) -> None:
 @pytest.mark.parametrize('samples', [0, 1, 2, 3])
 def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> None:
     rng = np.random.default_rng(samples)
-    sent = random_recording(rng, 1)
+    sent = random_frames(rng, 1)
     sent.recording.status[samples:] = 0
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     null, rows = core.open(0.0, SILENCE_S + PACKET_S, 0)
@@ -166,7 +118,7 @@ def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> No
 def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) -> None:
     core.start_codebook()
     rng = np.random.default_rng(20)
-    sent = random_recording(rng, packets, repeats=repeats)
+    sent = random_frames(rng, packets, repeats=repeats)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     judged = 0
     for zone in range(0, GRID.zones, 2):
@@ -206,7 +158,7 @@ def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) 
 def test_a_train_may_be_given_by_any_of_its_packets(core: Statistics) -> None:
     """Also by one that begins after the window."""
     core.start_codebook()
-    sent = random_recording(np.random.default_rng(4), 3, repeats=True)
+    sent = random_frames(np.random.default_rng(4), 3, repeats=True)
     core.take(sent.recording, LAW, BIT_PERIOD_S)
     sending = sent.sendings[0]
     own = int(USABLE_IDS[(packet(USABLE_IDS) == sending.bits).all(axis=1)][0])
@@ -219,131 +171,3 @@ def test_a_train_may_be_given_by_any_of_its_packets(core: Statistics) -> None:
         assert verdict.reason == core.lib.RL_READ
         words.append(verdict.word)
     assert words == pytest.approx(words[:1] * 3, abs=0.1)
-
-
-def take_lights(core: Statistics, rng: np.random.Generator, seen: Floats) -> None:
-    """Let zone 0 see some light, of shape (80,), on a wall, and the others the wall."""
-    mean = 10 + 200 * seen[:, None] * (np.arange(GRID.zones) == 0)
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * (EXPOSURES[0] + PERIOD_S / 2)).astype(np.int64)
-    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
-
-
-def sent_since(number: int, start_s: float, *, repeats: bool = True) -> Sending:
-    """Return a packet; times of the core count from the middle of the first exposure."""
-    return Sending(packet(number).astype(np.float64), repeats, start_s, BIT_PERIOD_S)
-
-
-def shown(sending: Sending) -> Floats:
-    """Return the light of the exposures of `take_lights`."""
-    start_s = sending.start_s + PERIOD_S / 2
-    return light(sending._replace(start_s=start_s), *EXPOSURES)
-
-
-def test_interferers_are_fitted_along(core: Statistics) -> None:
-    rng = np.random.default_rng(40)
-    first, second = sent_since(2073, -0.31), sent_since(1234, -0.77)
-    take_lights(core, rng, shown(first) + 0.7 * shown(second))
-    known = core.window.interference
-    known.count = 1
-    known.train[0].transmission = core.given(second)[0]
-    known.train[0].begin_s, known.train[0].end_s = -1.0, 2.0
-    null, rows = core.open(0.1, 0.1 + PACKET_S, 0)
-    known.count = 0
-    zone = core.rows(0).zone(LAW, rows)
-    zone.add_interferer(light(second, *zone.times))
-    assert_agrees(core, zone, null, around(first, rng))
-    alone = core.rows(0).zone(LAW, rows)
-    assert evidence([zone], first) > 2 * evidence([alone], first)
-
-
-NUMBERS = (2073, 1234, 3000, 77)
-
-
-@pytest.mark.parametrize('bits', [11, 19])
-def test_two_packets_back_to_back_compete_with_one(core: Statistics, bits: int) -> None:
-    core.start_codebook(sorted(NUMBERS))
-    rng = np.random.default_rng(bits)
-    end_s = 0.1 + bits * BIT_PERIOD_S
-    ended = sent_since(2073, end_s - PACKET_S, repeats=False)
-    begun = sent_since(1234, end_s, repeats=False)
-    take_lights(core, rng, shown(ended) + shown(begun) - 1)
-    _, rows = core.open(0.1, 0.1 + PACKET_S, 0)
-    zones = [core.rows(0).zone(LAW, rows)]
-    judged = sent_since(3000, 0.1)
-    cut, found, _ = core.margins(judged, 3000)
-    others = [packet(number).astype(np.float64) for number in NUMBERS if number != 3000]
-    assert found == pytest.approx(sequence_margin(zones, judged, cut.begin_s, others), abs=NATS)
-    assert found < -20
-
-
-@pytest.mark.parametrize(('start_s', 'seen_from'), [(-0.2, 30), (-0.4, 42), (-0.5, 48)])
-def test_other_ids_of_a_marker_that_appeared_compete(
-    core: Statistics, start_s: float, seen_from: int
-) -> None:
-    core.start_codebook(sorted(NUMBERS))
-    sent = sent_since(2073, start_s)
-    seen = np.where(np.arange(80) >= seen_from, shown(sent), 0.0)
-    take_lights(core, np.random.default_rng(seen_from), seen)
-    _, rows = core.open(0.1, 0.1 + PACKET_S, 0)
-    zones = [core.rows(0).zone(LAW, rows)]
-    _, _, found = core.margins(sent, 2073)
-    others = [packet(number).astype(np.float64) for number in NUMBERS if number != 2073]
-    wanted = part_margin(zones, sent, core.rows(0).begin_s[rows], others)
-    # The core tries those few that are likeliest by what single bits do.
-    assert wanted - ABOUT < found < max(wanted, 0.0) + 2 * ABOUT
-    assert found < 25
-
-
-@pytest.mark.parametrize('late_s', [0.0, 0.1, 0.2])
-def test_a_lone_packet_is_not_taken_for_one_that_repeats(core: Statistics, late_s: float) -> None:
-    core.start_codebook()
-    repeating = sent_since(2073, 0.1)
-    for repeats, reason in ((True, core.lib.RL_READ), (False, core.lib.RL_INCOMPLETE)):
-        sent = repeating._replace(repeats=repeats)
-        take_lights(core, np.random.default_rng(0), shown(sent))
-        hits = [(2073, repeating)]
-        assert core.decide(0, 1, 0.1 + PACKET_S + late_s, hits).reason == reason
-
-
-@pytest.mark.parametrize('late_s', [0.1, 0.2])
-def test_a_packet_after_one_of_another_id_has_not_repeated(core: Statistics, late_s: float) -> None:
-    core.start_codebook()
-    before, after = sent_since(2073, -0.8), sent_since(1234, 0.5)
-    seen = np.where(EXPOSURES[1] < 0.5, shown(before), shown(after))
-    take_lights(core, np.random.default_rng(0), seen)
-    # Hits begin before their stretch.
-    hit = after._replace(start_s=after.start_s - PACKET_S)
-    verdict = core.decide(0, 1, 0.5 + PACKET_S - late_s, [(1234, hit)])
-    assert verdict.reason == core.lib.RL_INCOMPLETE
-
-
-@pytest.mark.parametrize('share', [0.7, 0.3])
-def test_a_packet_that_is_taken_off_leaves_the_other_one(core: Statistics, share: float) -> None:
-    rng = np.random.default_rng(30)
-    begin_s = PERIOD_S * np.arange(80)
-    exposures = (begin_s, begin_s + PERIOD_S)
-    first, second = (
-        Sending(packet(number).astype(np.float64), True, start_s, bit_s)
-        for number, start_s, bit_s in ((2073, -0.31, 0.0421), (1234, -0.77, 0.0418))
-    )
-    mean = 10 + 200 * (light(first, *exposures) + share * light(second, *exposures))
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(80)
-    fitted = Zone(*exposures, signal, period_s=PERIOD_S, least=1.0).fit(first)
-    left = without(first, *exposures, signal, fitted.gain)
-    stamp_ns = np.rint(1e9 * (begin_s + PERIOD_S / 2)).astype(np.int64)
-    both = np.stack([signal, left] * 8, axis=1)
-    core.take(recording_of(stamp_ns, both), LAW, BIT_PERIOD_S)
-    # Times of the core count from the middle of the first exposure.
-    tried = [
-        sending._replace(start_s=sending.start_s - PERIOD_S / 2) for sending in (first, second)
-    ]
-    nats = []
-    for zone in (0, 1):
-        null, rows = core.open(0.1, 1.6, zone)
-        held = core.rows(zone).zone(LAW, rows)
-        assert_agrees(core, held, null, tried)
-        nats.append([evidence([held], sending) for sending in tried])
-    assert nats[0][0] > nats[0][1]
-    assert nats[1][0] < 8 < 28 < nats[1][1]
-    assert nats[1][1] > nats[0][1]

@@ -14,9 +14,7 @@ from harness_core import PROGRAMS, SOURCES
 from harness_firmware import need, printed
 
 
-def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_the_same_core(
-    tmp_path: Path,
-) -> None:
+def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_one_core(tmp_path: Path) -> None:
     need('cc')
     core, made = tmp_path / 'core', tmp_path / '_core.so'
     shutil.copytree(SOURCES.parent, core)

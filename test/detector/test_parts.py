@@ -12,23 +12,23 @@ import pytest
 
 from evaluation.bench import room_families
 from evaluation.bench.room_scene import Room
+from evaluation.bench.room_truth import Scored
 from evaluation.bench.rooms import play, play_room
 
 
-def played(
-    make: Callable[[np.random.Generator], Room], place: int, rooms: int
-) -> tuple[float, int]:
+def whole(scored: Scored) -> list[bool]:
+    """Return of each packet that was seen whole whether it was read."""
+    return [one for packet, one in zip(scored.sent, scored.read, strict=True) if packet.whole]
+
+
+def played(make: Callable[[np.random.Generator], Room], part: int, rooms: int) -> tuple[float, int]:
     """Return which share of the packets was read, and how many IDs were wrong."""
     read: list[bool] = []
     wrong = 0
     for number in range(rooms):
-        rng = np.random.default_rng([77, place, number])
+        rng = np.random.default_rng([77, part, number])
         scored = play_room(0, make(rng), rng).scored
-        read += [
-            bool(was_read)
-            for sent, was_read in zip(scored.sent, scored.read, strict=True)
-            if sent.whole
-        ]
+        read += whole(scored)
         wrong += len(scored.wrong)
     return sum(read) / max(len(read), 1), wrong
 
@@ -41,9 +41,7 @@ def played(
         (0.5, ('sequence', 'sequence'), 0.8),
     ],
 )
-def test_two_markers_of_a_zone_are_read(
-    ratio: float, sendings: tuple[str, str], least: float
-) -> None:
+def test_two_in_a_zone_are_read(ratio: float, sendings: tuple[str, str], least: float) -> None:
     """By interferers, packets that follow, pairs and the search of the residual.
 
     Where both send ever other IDs, also by stretches that are judged as lone packets, and packets
@@ -91,8 +89,7 @@ def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int
     The last one also by what a marker must explain before it is subtracted.
     """
     scored = play(number, seed).scored
-    read = [one for packet, one in zip(scored.sent, scored.read, strict=True) if packet.whole]
-    assert sum(read) >= min_read
+    assert sum(whole(scored)) >= min_read
     assert scored.wrong == []
 
 

@@ -133,9 +133,7 @@ def test_stress_costs_little_and_makes_none_wrong(
     ('name', 'markers', 'readings'),
     [('occluded as drone', 30, 58), ('occluded twice a packet', 25, 36)],
 )
-def test_what_hides_packets_for_a_while_costs_little(
-    name: str, markers: int, readings: int
-) -> None:
+def test_hiding_packets_for_a_while_costs_little(name: str, markers: int, readings: int) -> None:
     read = right = 0
     for seed in range(2):
         rng = np.random.default_rng(seed)

@@ -91,9 +91,7 @@ def test_a_marker_on_a_border_is_found_there_whatever_the_blur(grid: ZoneGrid, b
     blur=st.floats(0.05, 0.3),
     zone=st.sampled_from([5, 6, 9, 10]),
 )
-def test_truth_is_within_three_deviations(
-    across: float, down: float, blur: float, zone: int
-) -> None:
+def test_truth_is_in_three_deviations(across: float, down: float, blur: float, zone: int) -> None:
     grid = GRIDS[0]
     tangent = grid.tangents[zone] + grid.pitch * np.array([across, down])
     light = 200 * shares(grid, tangent, blur)
@@ -129,11 +127,8 @@ def ranged(
     }
     sensor = core_sensor(VL53L8CX, ZoneGrid())
     seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
-    found, room = (
-        ffi.new('struct rl_ranged *'),
-        (ffi.new('float[]', rows), ffi.new('uint8_t[]', rows)),
-    )
-    if not lib.rl_ranging(seen, *room, found):
+    found = ffi.new('struct rl_ranged *')
+    if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
         return None
     return found.depth_m, float(np.sqrt(found.variance))
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_detector import ID, OTHER_ID, a_scene, repeating, simulate
+from harness_detector import ID, OTHER_ID, ZONE, a_scene, repeating, simulate
 from numpy.typing import NDArray
 
 from evaluation.bench.following import two_in_a_zone
@@ -61,9 +61,7 @@ def steady(tracks: list[list[Track]]) -> list[Track]:
     return [one for frame in tracks for one in frame if one.stamp_ns - first_ns > 1e9]
 
 
-def lasted_s(
-    tracks: list[list[Track]], recording: Recording, frame: int, marker: int = ID
-) -> float:
+def lasts_s(tracks: list[list[Track]], recording: Recording, frame: int, marker: int = ID) -> float:
     """Return for how long after a frame a marker was followed [s]."""
     stamps = [one.stamp_ns for frame in tracks for one in frame if one.id == marker]
     return 1e-9 * (max(stamps) - int(recording.stamp_ns[frame]))
@@ -111,9 +109,7 @@ def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: 
 
 
 @pytest.mark.parametrize(('period_s', 'most'), [(6.0, 1.0), (3.0, 1.2)])
-def test_a_marker_that_crosses_the_view_is_within_its_deviation(
-    period_s: float, most: float
-) -> None:
+def test_a_marker_that_crosses_the_view_is_in_its_deviation(period_s: float, most: float) -> None:
     scene = ranging_scene(wander=Wander(across_m=0.3, along_m=0.0, period_s=period_s))
     _, tracks = follow(simulate(scene, 20.0))
     found = steady(tracks)
@@ -134,15 +130,13 @@ def test_what_vanishes_is_dropped_within_half_a_second() -> None:
         sent = switched(recording, nothing, frame)
         _, tracks = follow(sent)
         assert tracks[frame - 1]
-        lasting.append(lasted_s(tracks, sent, frame))
+        lasting.append(lasts_s(tracks, sent, frame))
     assert np.median(lasting) < GONE_S
     assert max(lasting) < 2 * GONE_S
 
 
 @pytest.mark.parametrize('start_s', [0.5, 0.51, 0.52, 0.53])
-def test_a_marker_that_sends_no_more_but_stays_bright_is_dropped_within_a_second(
-    start_s: float,
-) -> None:
+def test_a_marker_that_ends_but_stays_bright_is_dropped_within_a_second(start_s: float) -> None:
     """Light in its dark bits may be of another marker, but not for long and just as bright."""
     scene = load_scene('drone')
     (marker,) = scene.markers
@@ -158,7 +152,7 @@ def test_a_marker_that_sends_another_id_is_followed_no_longer(frame: int) -> Non
     other = simulate(a_scene(start_s=0.0, packets=None, id=OTHER_ID), 8.0)
     sent = switched(repeating(8.0), other, frame)
     _, tracks = follow(sent)
-    assert lasted_s(tracks, sent, frame) < 1.0
+    assert lasts_s(tracks, sent, frame) < 1.0
     assert {one.id for one in tracks[-1]} == {OTHER_ID}
 
 
@@ -234,3 +228,13 @@ def test_another_marker_that_is_unknown_ends_no_track(range_m: float) -> None:
     runs = [two_in_a_zone(range_m, 0.1, 'after 3 to 5 s', 8.0, rng) for _ in range(6)]
     assert sum(one['ends'] for one in runs) <= 3
     assert rms(np.concatenate([one['errors_m'] for one in runs])) < 0.025
+
+
+def test_a_marker_that_is_three_times_as_bright_at_once_is_followed() -> None:
+    """As one that flips towards the sensor: its gains are scaled."""
+    recording = simulate(a_scene(start_s=0.0, packets=None), 12.0)
+    signal = recording.signal.copy()
+    signal[300:, ZONE] = 4.0 + 3.0 * (signal[300:, ZONE] - 4.0)
+    detector, tracks = follow(replace(recording, signal=signal))
+    assert len(tracks[-1]) == 1
+    assert detector.track_counts.ended == 0

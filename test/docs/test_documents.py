@@ -201,10 +201,8 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.setitem(sys.modules, f'launch{name}', launch)
         monkeypatch.setitem(sys.modules, f'launch_ros{name}', MagicMock())
     runpy.run_path(str(path))['generate_launch_description']()
-    declared = {
-        call.args[0]: call.kwargs['default_value']
-        for call in launch.DeclareLaunchArgument.call_args_list
-    }
+    arguments = launch.DeclareLaunchArgument.call_args_list
+    declared = {one.args[0]: one.kwargs['default_value'] for one in arguments}
     assert declared
     # A row is of all launch files, of all but those that it names, or of those that it names.
     documented = {

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments are made of: places, recordings, and when IDs are known."""
+"""What experiments are made of: places, recordings, times, landmarks."""
 
 import math
 from dataclasses import replace
@@ -10,28 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from evaluation.bench import landmark_parts, landmark_trials, places
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
 from evaluation.bench.judging import BOTH, judged, watch
-from evaluation.bench.places import (
-    markers_at,
-    random_pose,
-    rotation,
-    sees_all,
-    to_sensor,
-    to_world,
-    view_from,
-)
+from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
-from evaluation.experiments import coffee
+from evaluation.experiments import coffee, time_to_id
 from evaluation.experiments.moving import across
-from evaluation.experiments.time_to_id import (
-    VIEW_S,
-    appearing,
-    first_ids,
-    needed_bits,
-    time_by_which,
-)
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -48,24 +34,22 @@ ANGLES = st.floats(-math.pi, math.pi)
 
 @given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
 def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
-    pose = SensorPose(np.array([0.1, -0.2, 0.05]), rotation(yaw, pitch, roll))
+    pose = SensorPose(np.array([0.1, -0.2, 0.05]), places.rotation(yaw, pitch, roll))
     assert np.linalg.det(pose.rotation) == pytest.approx(1)
-    seen_m = to_sensor(pose, markers_at(WORLD))
-    assert to_world(pose, seen_m) == pytest.approx(markers_at(WORLD))
+    there_m = places.markers_at(WORLD)
+    assert places.to_world(pose, places.to_sensor(pose, there_m)) == pytest.approx(there_m)
 
 
 def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
     grid = ZoneGrid()
     middles = np.append(grid.tangents, np.ones((grid.zones, 1)), axis=1)
-    assert sees_all(middles, grid)
-    assert not sees_all(-middles, grid)
-    assert not sees_all(middles * [1.2, 1, 1], grid)
-    assert not sees_all(middles[[0, 0, 1]], grid)
+    markers_m = [middles, -middles, middles * [1.2, 1, 1], middles[[0, 0, 1]]]
+    assert [places.sees_all(one, grid) for one in markers_m] == [True, False, False, False]
 
 
 def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
-    scene = view_from(SensorPose(np.zeros(3), rotation(0, 0, 0)), WORLD, np.random.default_rng(0))
-    assert markers_at(scene) == pytest.approx(markers_at(WORLD))
+    scene = places.view_from(SensorPose(np.zeros(3), np.eye(3)), WORLD, np.random.default_rng(0))
+    assert places.markers_at(scene) == pytest.approx(places.markers_at(WORLD))
     shown, shipped = (
         {zone: one.distance_m for one in view.surfaces for zone in one.zones or ()}
         for view in (scene, WORLD)
@@ -87,8 +71,8 @@ def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> 
 
 def test_objects_that_are_not_read_are_not_placed() -> None:
     rng = np.random.default_rng(2)
-    pose = random_pose(WORLD, rng)
-    scene = view_from(pose, WORLD, rng)
+    pose = places.random_pose(WORLD, rng)
+    scene = places.view_from(pose, WORLD, rng)
     recording = Simulation(replace(scene, markers=scene.markers[:2]), rng).run(4)
     time_s, errors = coffee.place_all('joint', recording, scene, pose)
     assert time_s == math.inf
@@ -109,12 +93,10 @@ def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
 def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
     sent = record(PLAIN, 600.0, np.random.default_rng(0))
     assert sent.start_s.min() >= SILENCE_BITS * BIT_PERIOD_S
-    time_s = sent.recording.stamp_ns * 1e-9
-    dark = sent.recording.signal < WALL_SIGNAL + 300
-    for zone, start_s in enumerate(sent.start_s):
-        first_s, last_s = time_s[dark[:, zone]][[0, -1]]
-        assert first_s == pytest.approx(start_s, abs=0.022)
-        assert last_s <= start_s + PACKET_BITS * BIT_PERIOD_S + 0.011
+    time_s, dark = sent.recording.stamp_ns * 1e-9, sent.recording.signal < WALL_SIGNAL + 300
+    ends_s = np.array([time_s[dark[:, zone]][[0, -1]] for zone in range(16)])
+    assert ends_s[:, 0] == pytest.approx(sent.start_s, abs=0.022)
+    assert (ends_s[:, 1] <= sent.start_s + PACKET_BITS * BIT_PERIOD_S + 0.011).all()
 
 
 def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() -> None:
@@ -124,8 +106,7 @@ def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() ->
     assert middles_s == pytest.approx(hand.start_s + hand.packet_s / 2, abs=0.02)
     assert near.sum(axis=0) * 0.021 == pytest.approx(np.full(16, 0.3), abs=0.05)
     wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0))
-    dark = wall.recording.signal.min(axis=0)
-    assert dark == pytest.approx(np.full(16, 77.0), abs=25)
+    assert wall.recording.signal.min(axis=0) == pytest.approx(np.full(16, 77.0), abs=25)
 
 
 def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
@@ -154,29 +135,42 @@ def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
 
 def test_time_by_which_a_share_is_identified() -> None:
     times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
-    assert (time_by_which(0.5, times_s), time_by_which(0.9, times_s)) == (3.0, None)
+    assert [time_to_id.time_by_which(share, times_s) for share in (0.5, 0.9)] == [3.0, None]
 
 
 def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
-    sent = appearing(1.0, np.random.default_rng(3))
-    before = sent.recording.stamp_ns < VIEW_S * 1e9
+    sent = time_to_id.appearing(1.0, np.random.default_rng(3))
+    before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
     assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
-    times_s, wrong = first_ids(sent, BOTH['joint'])
+    times_s, wrong = time_to_id.first_ids(sent, BOTH['joint'])
     assert np.isfinite(times_s).all()
-    # Seven bits of the preamble and twelve of the ID.
-    assert times_s.min() > 19 * BIT_PERIOD_S
+    assert times_s.min() > 19 * BIT_PERIOD_S  # seven bits of the preamble and twelve of the ID
     assert wrong <= 1  # a packet that comes into view half sent may look like another
 
 
 def test_bits_that_tell_ids_apart() -> None:
     ids = np.random.default_rng(3).choice(USABLE_IDS, 3, replace=False)
-    needed = needed_bits(ids)
-    own, *others = (packet(np.array([one]))[0] for one in ids)
-    for start in range(PACKET_BITS):
-        differing = [
-            np.cumsum(np.roll(own, -start) != np.roll(other, -turn))
-            for other in others
-            for turn in range(PACKET_BITS)
-        ]
-        excluded = np.min(differing, axis=0) >= 2
-        assert needed[start] == 1 + np.argmax(excluded)
+    own, *others = packet(ids)
+    turned = [np.roll(other, -turn) for other in others for turn in range(PACKET_BITS)]
+    for start, needed in enumerate(time_to_id.needed_bits(ids)):
+        differing = np.cumsum(np.roll(own, -start) != turned, axis=1).min(axis=0)
+        assert needed == 1 + np.argmax(differing >= 2)
+
+
+@pytest.mark.parametrize('part', landmark_parts.PARTS)
+def test_what_a_part_is_switched_off_by_exists(part: str) -> None:
+    for target, attribute, _ in landmark_parts.PARTS[part]:
+        assert hasattr(target, attribute), f'{part}: there is no {attribute}'
+
+
+def test_an_object_a_drone_and_a_robot_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(landmark_trials, 'FLIGHT_S', 10.0)
+    rng = np.random.default_rng(1)
+    tilt_deg, off_m = tilt_trial(math.radians(15), rng), room_trial(rng)
+    assert tilt_deg is not None
+    sight_deg, fixed_deg = tilt_deg
+    assert sight_deg < 2
+    assert fixed_deg < 20
+    assert off_m is not None
+    assert off_m < 0.1
+    assert np.median([one.position_m for one in drone_trial(rng)[3:]]) < 0.05

@@ -78,9 +78,7 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert {*claims} <= {2}
 
 
-def test_hours_without_a_marker_add_up_from_run_to_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hours_without_a_marker_add_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(false_ids, 'MEMBERS', ['white', 'hands'])
     path, turn_h = tmp_path / 'false-ids.json', 0.002
 

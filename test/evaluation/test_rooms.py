@@ -77,34 +77,30 @@ def test_all_that_is_named_is_drawn() -> None:
     markers = [marker for room in drawn for marker in room.markers]
     assert {marker.sending for marker in markers} == {*SENDINGS, *FOREIGN}
     assert {marker.course.motion for marker in markers} == set(MOTIONS)
+    assert any(math.isfinite(marker.present_s[0]) for marker in markers)
     assert {len(room.markers) for room in drawn} == {1, 2, 3, 4, 16}
     assert {room.scene.sensor.grid.rows for room in drawn} == {4, 8}
-    assert any(math.isfinite(marker.present_s[0]) for marker in markers)
+    assert {room.cloth[0] > 0 for room in drawn} == {True, False}
     for what in ('surfaces', 'moving_surfaces'):
         assert {bool(getattr(room.scene, what)) for room in drawn} == {True, False}
     for what in ('lost', 'abnormal', 'jitter_s'):
         assert {getattr(room.scene.sensor, what) > 0 for room in drawn} == {True, False}
-    assert {room.cloth[0] > 0 for room in drawn} == {True, False}
 
 
-def test_what_is_said_to_be_sent_is_in_the_light() -> None:
+def test_what_is_said_to_be_sent_is_in_the_light_and_silence_is_bright() -> None:
     room = one_marker('pauses')
     simulation, recording = simulated(room)
     sent = packets_of(simulation)
-    time_s, (marker,) = 1e-9 * recording.stamp_ns, room.markers
-    silent = np.ones(len(time_s), dtype=bool)
-    for one in sent:
-        assert one.zone == 5
-        assert one.company == COMPANY[0]
-        assert one.signal == SIGNALS[-1]
-        during = (time_s > one.start_s) & (time_s < one.end_s)
-        silent &= ~((time_s > one.start_s - 0.02) & (time_s < one.end_s + 0.04))
-        if one.whole:
-            middles_s = one.start_s + marker.bit_s * (np.arange(PACKET_BITS) + 0.5)
-            signal = np.interp(middles_s, time_s[during], recording.signal[during, 5])
-            np.testing.assert_array_equal(signal < signal.max() / 2, packet(one.id) == 1)
+    assert {(one.zone, one.company, one.signal) for one in sent} == {(5, COMPANY[0], SIGNALS[-1])}
+    time_s, signal, (marker,) = 1e-9 * recording.stamp_ns, recording.signal[:, 5], room.markers
+    for one in (one for one in sent if one.whole):
+        middles_s = one.start_s + marker.bit_s * (np.arange(PACKET_BITS) + 0.5)
+        bits = np.interp(middles_s, time_s, signal)
+        np.testing.assert_array_equal(bits < bits.max() / 2, packet(one.id) == 1)
+    ends_s = [(one.start_s - 0.02, one.end_s + 0.04) for one in sent]
+    silent = np.array([not any(start < at < end for start, end in ends_s) for at in time_s])
     assert silent.any()
-    assert recording.signal[silent, 5].min() > 0.8 * recording.signal[:, 5].max()
+    assert signal[silent].min() > 0.8 * signal.max()
     partial = [one for one in sent if not one.whole]
     assert partial[0].start_s == 0.0
     assert all(one.end_s > DURATION_S - 3 for one in partial[1:])
@@ -131,31 +127,28 @@ def test_an_id_that_was_not_sent_is_wrong() -> None:
     }
 
 
-@pytest.mark.parametrize(('zone', 'right'), [(5, True), (6, True), (7, False)])
-def test_an_id_is_wrong_in_another_direction(zone: int, right: bool) -> None:
-    room = one_marker()
-    simulation, recording = simulated(room)
-    found = readings(recording)
-    place = replace(found[0].place, position_m=SENSOR.grid.directions[zone])
-    result = score(simulation, packets_of(simulation), [replace(found[0], place=place)])
-    assert [is_right for _, is_right in result.readings] == [right]
-
-
 @pytest.mark.parametrize(
-    ('early_packets', 'end_packets', 'right', 'misdated'),
-    [(0.0, 0.0, True, 0), (0.4, 0.0, True, 0), (0.9, 0.0, False, 0), (0.9, 0.9, True, 1)],
+    ('zone', 'early_packets', 'end_packets', 'right', 'misdated'),
+    [
+        (5, 0.0, 0.0, True, 0),
+        (6, 0.0, 0.0, True, 0),
+        (7, 0.0, 0.0, False, 0),
+        (5, 0.4, 0.0, True, 0),
+        (5, 0.9, 0.0, False, 0),
+        (5, 0.9, 0.9, True, 1),
+    ],
 )
-def test_an_id_is_right_at_its_time_or_by_its_samples(
-    early_packets: float, end_packets: float, right: bool, misdated: int
+def test_an_id_is_right_in_its_direction_and_at_its_time_or_by_its_samples(
+    zone: int, early_packets: float, end_packets: float, right: bool, misdated: int
 ) -> None:
     room = one_marker('lone', seed=3)
     simulation, recording = simulated(room)
     found = readings(recording)[0]
     start_ns = found.start_ns - round(1e9 * early_packets * PACKET_S)
     end_ns = start_ns + round(1e9 * (1 + end_packets) * PACKET_S)
-    result = score(
-        simulation, packets_of(simulation), [replace(found, start_ns=start_ns, end_ns=end_ns)]
-    )
+    place = replace(found.place, position_m=SENSOR.grid.directions[zone])
+    moved = replace(found, place=place, start_ns=start_ns, end_ns=end_ns)
+    result = score(simulation, packets_of(simulation), [moved])
     assert [is_right for _, is_right in result.readings] == [right]
     assert result.misdated == misdated
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The marker's sketch, run on this machine against stand-ins for an Arduino's libraries."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from pathlib import Path

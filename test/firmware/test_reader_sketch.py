@@ -11,15 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness_firmware import (
-    ROOT,
-    IntArray,
-    RawFrame,
-    assert_same_zones,
-    make,
-    read_line,
-    run_host,
-)
+from harness_firmware import ROOT, RawFrame, assert_same_zones, make, read_line, run_host
 
 from retrolidar_ros.scene.firmware import VERSION
 from retrolidar_ros.sensor.frame import Frame
@@ -44,16 +36,12 @@ def raw_frames(count: int, zones: int = 16, seed: int = 1) -> list[RawFrame]:
     ]
 
 
-def results_of_driver(
-    frames: Sequence[RawFrame], status: Sequence[int], targets: IntArray | None = None
-) -> str:
+def results_of_driver(frames: Sequence[RawFrame], status: Sequence[int]) -> str:
     """Return what the reader's program reads as the results of ST's driver."""
     lines = []
     for frame, failure in zip(frames, status, strict=True):
-        counts = np.ones(frame.zones, dtype=int) if targets is None else targets
-        zones = np.stack(
-            [counts, frame.distance, frame.signal, frame.ambient, frame.status], axis=1
-        )
+        ones = np.ones(frame.zones, dtype=int)
+        zones = np.stack([ones, frame.distance, frame.signal, frame.ambient, frame.status], axis=1)
         lines.append(' '.join(map(str, [failure, *zones.ravel()])))
     return '\n'.join(lines)
 
@@ -63,13 +51,12 @@ def read_by(
     frames: Sequence[RawFrame],
     *,
     status: Sequence[int] | None = None,
-    targets: IntArray | None = None,
     start_us: int = 0,
     baud: int | None = None,
     period_us: int = FRAME_US,
 ) -> tuple[list[Frame], FrameReader]:
     """Return the frames that come out of the line when a reader sees these."""
-    given = results_of_driver(frames, status or [0] * len(frames), targets)
+    given = results_of_driver(frames, status or [0] * len(frames))
     slow = [] if baud is None else [baud]
     return read_line(run_host(program, start_us, period_us, *slow, given=given))
 
@@ -102,9 +89,7 @@ def test_stamps_are_of_the_middle_of_the_exposure_and_never_go_back(programs: Pa
         ([0, 256, 0, 0, 256, 0, 0, 0, 0, 0], [1, 3, 4, 6, 7, 8, 9, 10]),
     ],
 )
-def test_a_frame_that_was_not_read_is_a_gap(
-    programs: Path, status: list[int], numbers: list[int]
-) -> None:
+def test_a_frame_not_read_is_a_gap(programs: Path, status: list[int], numbers: list[int]) -> None:
     sent = raw_frames(10)
     frames, reader = read_by(programs / 'reader_host', sent, status=status)
     assert reader.counts.damaged == 0

@@ -33,8 +33,6 @@ from harness import (
     wait_for_readings,
     wait_for_traffic,
 )
-from harness_coffee import SENSOR_VIEW, check_coffee
-from harness_landmarks import check_landmarks, deviation_m, squared
 from harness_launch import (
     check_at_once,
     check_exit_codes,
@@ -45,6 +43,7 @@ from harness_launch import (
     observer_in,
 )
 from harness_observer import RELIABLE, values_of
+from harness_tasks import SENSOR_VIEW, check_coffee, check_landmarks, deviation_m, squared
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns

@@ -35,7 +35,6 @@ COSETS = {0: 1, 1: 24, 2: 276, 3: 2024, 4: 1771}  # Conway and Sloane 1988, by l
 
 law = settings(derandomize=True, deadline=None)
 ids = st.integers(0, IDS - 1)
-words = hnp.arrays(np.uint8, WORD_BITS, elements=st.integers(0, 1))
 
 
 def error_patterns(weight: int) -> Bits:

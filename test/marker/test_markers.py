@@ -115,11 +115,7 @@ def test_a_file_may_write_an_id_in_any_base_but_once(file: Path) -> None:
 
 def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:
     known = load_markers(shared_file('config/markers.yaml'))
-    scenes = {
-        marker.id: marker.name
-        for name in ('coffee', 'drone')
-        for marker in load_scene(name).markers
-    }
+    scenes = {one.id: one.name for name in ('coffee', 'drone') for one in load_scene(name).markers}
     assert {one: marker.frame for one, marker in known.items()} == scenes
     for marker in known.values():
         assert marker.note

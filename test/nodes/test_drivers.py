@@ -1,19 +1,151 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A driver at a board that runs ST's example, and drivers and detectors in one process."""
+"""A driver is told to start, stop and reset the sensor, reads a board of ST, or several sensors."""
 
+import re
+from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_detections, check_frames, wait_for_readings
-from harness_nodes import COFFEE_IDS, running
+from harness_nodes import COFFEE_IDS, System, running
 from harness_observer import values_of
+from lifecycle_msgs.msg import Transition
+from rclpy.node import Node
 from st_board import Board, Zone
 
+from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.firmware import VERSION
+from retrolidar_ros.settings.resources import shared_file
+
+STATUS = 'driver: frames'
+STOPPED = 'the sensor is stopped: call ~/start'
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> Iterator[System]:
+    with running(tmp_path, '/services') as system:
+        yield system
+
+
+def plug(system: System) -> None:
+    """Start an emulated sensor that knows commands."""
+    command = [executable('retrolidar'), 'emulate', 'coffee', '--port-link', str(system.port)]
+    system.processes.start('sensor', command)
+    system.started.append('sensor')
+
+
+def trigger(system: System, service: str) -> tuple[bool, str]:
+    answer = system.services.trigger(f'driver/{service}')
+    return answer.success, answer.message
+
+
+def change(system: System, transition: int) -> None:
+    assert system.services.change_state('driver', transition)
+
+
+def wait_for_more(system: System) -> None:
+    system.wait_for_frames(len(system.frames) + 5)
+
+
+def test_firmware_with_commands_identifies_itself_and_obeys(system: System) -> None:
+    plug(system)
+    system.start('driver', serial_port=system.port)
+    wait_for_more(system)
+    serial = sha256(str(system.port).encode()).hexdigest()[:24]
+    status = system.wait_for_status(STATUS, DiagnosticStatus.OK, 'frames a second')
+    assert status.hardware_id == serial
+    assert values_of(status)['firmware'] == VERSION
+    told = f'{system.port}: firmware {VERSION}, serial number {serial}'
+    assert len(re.findall(rf'\[INFO\].*{re.escape(told)}', system.log('driver'))) == 1
+
+    assert trigger(system, 'stop') == (True, 'the sensor is stopped')
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
+    seen = len(system.frames)
+    assert system.next_status(STATUS).message == STOPPED
+    assert len(system.frames) == seen
+    assert trigger(system, 'stop') == (True, 'the sensor is stopped')
+
+    # The cable is pulled: a sensor that comes back ranges, and is stopped again.
+    system.stop('sensor')
+    system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'does not exist')
+    success, message = trigger(system, 'start')
+    assert not success
+    assert 'does not exist; is the sensor plugged in?' in message
+    plug(system)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
+
+    last = max(message.sequence for message, _ in system.frames)
+    assert trigger(system, 'start') == (True, 'the sensor is ranging')
+    wait_for_more(system)
+    assert trigger(system, 'reset') == (True, 'the sensor restarts')
+    seen = len(system.frames)
+    wait_for_more(system)
+    assert min(message.sequence for message, _ in system.frames[seen:]) < max(last, 3)
+    system.wait_for_status(STATUS, DiagnosticStatus.OK, 'frames a second')
+    stamps = [to_ns(message.header.stamp) for message, _ in system.frames]
+    assert stamps == sorted(set(stamps))
+
+
+def test_old_firmware_is_read_and_says_that_it_knows_no_commands(system: System) -> None:
+    with Sensor(load_scene('coffee'), system.port):
+        system.start('driver', serial_port=system.port)
+        wait_for_more(system)
+        status = system.wait_for_status(STATUS, DiagnosticStatus.OK, 'frames a second')
+        assert status.hardware_id == str(system.port)
+        assert 'firmware' not in values_of(status)
+        success, message = trigger(system, 'stop')
+        assert not success
+        assert message.startswith('no answer to stop: flash a firmware')
+        wait_for_more(system)
+
+
+def test_each_state_of_the_life_cycle(system: System) -> None:
+    plug(system)
+    system.start('driver', serial_port=system.port, autostart='false')
+    assert trigger(system, 'stop') == (False, 'not configured: the port is closed')
+    change(system, Transition.TRANSITION_CONFIGURE)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not active')
+    assert trigger(system, 'stop') == (True, 'the sensor is stopped')
+    change(system, Transition.TRANSITION_ACTIVATE)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
+    assert not system.frames
+    # Configuring it anew starts the sensor, also while the cable is out.
+    system.stop('sensor')
+    change(system, Transition.TRANSITION_DEACTIVATE)
+    change(system, Transition.TRANSITION_CLEANUP)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not configured')
+    change(system, Transition.TRANSITION_CONFIGURE)
+    plug(system)
+    change(system, Transition.TRANSITION_ACTIVATE)
+    wait_for_more(system)
+    change(system, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'finalized')
+
+
+def test_the_parameters_for_the_lifecycle_manager_of_nav2(system: System) -> None:
+    """They are read as rcl reads them, and name the node that has a life cycle."""
+    file = shared_file('config/nav2.yaml')
+    manager = Node(
+        'lifecycle_manager',
+        context=system.node.context,
+        namespace=system.namespace,
+        cli_args=['--ros-args', '--params-file', str(file)],
+        automatically_declare_parameters_from_overrides=True,
+    )
+    try:
+        assert manager.get_parameter('node_names').value == ['driver']
+        assert manager.get_parameter('autostart').value is True
+        # A whole number would be of another type, which nav2 refuses.
+        assert repr(manager.get_parameter('bond_timeout').value) == '0.0'
+    finally:
+        manager.destroy_node()  # type: ignore[no-untyped-call]
 
 
 def test_text_is_published_as_frames(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
         values = values_of(system.statuses[DRIVER][-1])
         return sum(int(values[f'packets with {kind} errors']) for kind in ('CRC', 'framing'))
 
-    system.next_status(DRIVER)
+    lost = system.number(DRIVER, 'lost frames')
     before, sensor = errors(), chain.sensor
     sensor.corrupt_share = 0.05
     first = max(sensor.middle_ns) + 1
@@ -127,26 +127,11 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
     assert not set(chain.sequences()) & sensor.damaged
     count = len(sensor.damaged)
     system.wait(lambda: errors() - before == count, 'the damage to be counted')
+    assert system.number(DRIVER, 'lost frames') - lost >= count
     sensor.corrupt_share = 0.3
     system.read_all()  # even then
     sensor.corrupt_share = 0.0
     system.wait_for_status(DRIVER, DiagnosticStatus.OK, 'frames a second')
-
-
-def test_half_of_the_frames_lost_are_counted_and_cost_time(chain: Chain) -> None:
-    system = chain.system
-    lost = system.number(DRIVER, 'lost frames')
-    first = chain.sequences()[-1] + 1
-    chain.sensor.lost_share = 0.5
-    system.read_all()  # more packets are needed, but all markers are still read
-    system.wait(lambda: chain.sequences()[-1] > first + 150, 'frames')
-    chain.sensor.lost_share = 0.0
-    last = max(chain.sensor.middle_ns) + 5
-    system.wait(lambda: chain.sequences()[-1] > last, 'frames')
-    chain.expect_all(first)
-    gone = chain.sequences()[-1] - first + 1 - len([s for s in chain.sequences() if s >= first])
-    assert gone > 40
-    assert system.number(DRIVER, 'lost frames') - lost >= gone
 
 
 def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:

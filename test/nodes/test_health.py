@@ -116,12 +116,12 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(pair: Pair) -> None:
 
 
 def test_frames_that_a_driver_does_not_send_are_not_lost(two: System) -> None:
-    services = two.services
-    assert not services.change_state('driver', Transition.TRANSITION_CONFIGURE)  # and it lives on
+    change_state = two.services.change_state
+    assert not change_state('driver', Transition.TRANSITION_CONFIGURE)  # and it lives on
     lost, seen = two.number(DETECTOR, 'lost frames'), len(two.statuses[DETECTOR])
-    assert services.change_state('driver', Transition.TRANSITION_DEACTIVATE)
+    assert change_state('driver', Transition.TRANSITION_DEACTIVATE)
     two.pass_time(1.5)
-    assert services.change_state('driver', Transition.TRANSITION_ACTIVATE)
+    assert change_state('driver', Transition.TRANSITION_ACTIVATE)
     two.wait_for_status(DETECTOR, WARN, 'frames were not sent')
     two.wait_for_status(DETECTOR, OK, 'accepted')
     assert not any('were lost' in status.message for status in two.statuses[DETECTOR][seen:])

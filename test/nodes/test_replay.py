@@ -139,9 +139,7 @@ def is_stopped(pid: int) -> bool:
     return all(stat.read_text().rpartition(') ')[2].startswith('T') for stat in stats)
 
 
-def test_a_detector_that_cannot_follow_says_how_many_frames_it_lost(
-    bag: Path, tmp_path: Path
-) -> None:
+def test_a_detector_that_cannot_follow_says_how_many_it_lost(bag: Path, tmp_path: Path) -> None:
     first, *frames = list(read_frames(bag))
     shallow = ('-p', 'qos_overrides./overrun/frames.subscription.depth:=10')
     with running(tmp_path, '/overrun') as system, replayed(system, first, *shallow) as play:
@@ -199,9 +197,7 @@ def test_decoding_the_bag_reads_what_was_read_live(live: Listener, bag: Path) ->
             assert one[key] == (pytest.approx(value, rel=1e-6) if value != 0 else 0), key
 
 
-def test_the_command_replays_at_the_times_of_the_bag(
-    live: Listener, bag: Path, tmp_path: Path
-) -> None:
+def test_the_command_replays_at_times_of_the_bag(live: Listener, bag: Path, tmp_path: Path) -> None:
     """To a detector with the defaults, three times as fast, and again from the begin."""
     frames = [message for message, _ in live.frames]
     with running(tmp_path, '/command') as system:

@@ -1,10 +1,12 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What driver and detector offer beside frames and detections: clouds, images, shapes, names."""
+"""What driver and detector offer beside frames and detections, and only while somebody listens."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,13 +14,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from harness import PATIENCE_S, Sensor
 from harness_frames import make_frames
-from harness_nodes import FRAME_ID, System, running
+from harness_nodes import FRAME_ID, System, in_this_process, running
 from harness_observer import values_of
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
+from retrolidar_ros.nodes import detector_topics, frame_topics
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
     from_frame_msg,
@@ -31,6 +34,7 @@ from retrolidar_ros.nodes.conversion import (
     to_signal_image,
     vector_of,
 )
+from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame, valid_samples
@@ -236,3 +240,43 @@ def test_the_detector_reports_the_ages_of_the_readings_of_known_markers(chain: C
     # Another has no file, but a list.
     muted = values_of(chain.system.next_status('/mute/detector: markers'))
     assert {age.format(f'marker_{one}') for one in (2096, 2107)} <= muted.keys()
+
+
+MADE = {
+    'points': (PointCloud2, frame_topics, 'to_point_cloud'),
+    'signal_image': (Image, frame_topics, 'to_signal_image'),
+    'markers_array': (MarkerDetectionArray, detector_topics, 'to_array'),
+    'marker_array': (MarkerArray, detector_topics, 'marker_shapes'),
+}
+"""By topic: its type, and the function of a module that makes its messages."""
+
+
+def test_messages_for_nobody_are_not_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    makers = {topic: Mock(wraps=getattr(of, name)) for topic, (_, of, name) in MADE.items()}
+    for topic, (_, module, name) in MADE.items():
+        monkeypatch.setattr(module, name, makers[topic])
+    with (
+        running(tmp_path, '/lazy') as system,
+        Sensor(load_scene('coffee'), system.port),
+        in_this_process(create_nodes, system, '-p', f'serial_port:={system.port}'),
+    ):
+
+        def pass_readings() -> None:
+            """Wait for frames and readings of them that came from now on."""
+            frames, markers = len(system.frames) + 20, len(system.markers) + 2
+            system.wait_for_frames(frames)
+            system.wait(lambda: len(system.markers) >= markers, 'readings')
+
+        def made() -> set[str]:
+            return {topic for topic, maker in makers.items() if maker.called}
+
+        pass_readings()
+        assert not made()
+        for topic, (kind, *_) in MADE.items():
+            with system.subscribed(kind, topic) as came:
+                system.wait(lambda came=came: len(came) > 2, topic)  # type: ignore[misc]
+            pass_readings()  # until it is noticed that nobody subscribes any more
+            assert made() == {topic}
+            makers[topic].reset_mock()
+        pass_readings()
+        assert not made()

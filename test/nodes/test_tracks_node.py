@@ -59,9 +59,7 @@ def test_transforms_are_of_tracks_and_of_nothing_else(system: System) -> None:
     with system.subscribed(MarkerTrack, 'tracks') as tracks:
         system.wait(lambda: len(tracks) > 100, 'tracks')
         newest_ns = to_ns(tracks[-1].header.stamp)
-        system.wait(
-            lambda: to_ns(system.transforms[-1].header.stamp) >= newest_ns, 'their transforms'
-        )
+        system.wait(lambda: to_ns(system.transforms[-1].header.stamp) >= newest_ns, 'transforms')
     sent = {(one.child_frame_id, to_ns(one.header.stamp)) for one in system.transforms}
     followed = {(one.child_frame_id, to_ns(one.header.stamp)) for one in tracks}
     assert followed <= sent

@@ -53,11 +53,8 @@ def test_transforms_are_found_between_frames_and_times_and_forgotten(listener: L
 
     def is_found() -> bool:
         before, after = (round(at_s * 1e9) for at_s in (1.0, 3.0))
-        steps = [
-            transform('eye', 'hand', 1.0, before),
-            transform('eye', 'hand', 3.0, after, turned),
-        ]
-        moving.publish(TFMessage(transforms=steps))
+        both = [transform('eye', 'hand', 1.0, before), transform('eye', 'hand', 3.0, after, turned)]
+        moving.publish(TFMessage(transforms=both))
         return find('map', 'eye', 2.0) is not None
 
     assert listener.spin_until(is_found, 30.0)
@@ -69,12 +66,8 @@ def test_transforms_are_found_between_frames_and_times_and_forgotten(listener: L
     back = find('eye', 'map', 2.0)
     assert back is not None
     assert back[1] @ found[0] + back[0] == pytest.approx(np.zeros(3), abs=1e-9)
-    for target, source, at_s in (
-        ('map', 'eye', 3.000000001),
-        ('map', 'eye', 0.999),
-        ('map', 'nowhere', 2.0),
-    ):
-        assert find(target, source, at_s) is None
+    for source, at_s in (('eye', 3.000000001), ('eye', 0.999), ('nowhere', 2.0)):
+        assert find('map', source, at_s) is None
     finder.forget()
     assert find('map', 'eye', 2.0) is None
     assert find('map', 'hand', 2.0) is not None
@@ -92,9 +85,7 @@ def test_frames_that_other_nodes_send_are_named(listener: Listener) -> None:
     assert sender.problem('another eye') == ''
 
 
-def test_two_sensors_with_the_same_frames_are_warned_of_until_they_have_prefixes(
-    tmp_path: Path,
-) -> None:
+def test_sensors_of_the_same_frames_are_warned_of_until_they_have_prefixes(tmp_path: Path) -> None:
     ports = [tmp_path / 'one', tmp_path / 'other']
     scene, name = load_scene('coffee'), '/same1/detector: markers'
     with running(tmp_path, '/same0') as system, Sensor(scene, ports[0]), Sensor(scene, ports[1]):

@@ -1,19 +1,22 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The light of a marker: link budget, zones that share it, its crystal, and how it wanders."""
+"""Light in scenes: budget, zones, crystal, hands, moving sensors, glass and neighbours."""
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.scene.description import Marker, Wander
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.scene.transmission import Transmission
+from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
+from retrolidar_ros.settings.section import Triple
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 AREA_M2 = 0.03**2
@@ -109,12 +112,7 @@ def test_wander_is_slow_smooth_and_bounded() -> None:
 RESPONSE = Response(dark_s=0.5e-3, bright_s=3.5e-3)
 SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')
 MARKER = replace(SHARP, response=RESPONSE)
-BIT_S = 0.042
 ENDS_DARK = next(identity for identity in range(1, 4095) if packet(identity)[-1])
-
-
-def mean(marker: Marker, middle_s: Floats, exposure_s: float) -> Floats:
-    return Transmission.of(marker).mean(exposure_edges(middle_s, exposure_s))
 
 
 def relaxed(marker: Marker, until_s: float, step_s: float) -> tuple[Floats, Floats]:
@@ -161,3 +159,93 @@ def test_light_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None
     # In bits of two response times the crystal does not quite settle, which is neglected.
     error_s = 1e-4 if marker.bit_period_s > 0.01 else 1e-3
     assert np.abs(computed - integral).max() < error_s
+
+
+IN_ZONE_10 = {'id': 2816, 'position': ['0.107 m', '0.107 m', '1 m']}
+WALL = {'distance': '1.05 m', 'signal': '40 kcps/SPAD'}
+
+
+def seen(seconds: float = 8.0, **scene: Any) -> Recording:
+    return Simulation(parse_scene(scene)).run(seconds)
+
+
+def way(end_s: float, begin: Triple, end: Triple, yaw_deg: tuple[int, int] = (0, 0)) -> Any:
+    """Return a path of two waypoints [m]."""
+    return [
+        {'time': f'{time_s} s', 'position': [f'{one} m' for one in place], 'yaw': f'{yaw} deg'}
+        for time_s, place, yaw in zip((0, end_s), (begin, end), yaw_deg, strict=True)
+    ]
+
+
+def test_contrast_is_what_a_dark_crystal_blocks() -> None:
+    half = {**IN_ZONE_10, 'contrast': '80 %', 'signal_at_1_m': '200 kcps/SPAD'}
+    signal = seen(markers=[half]).signal[:, 10]
+    assert signal.min() / signal.max() == pytest.approx(0.2, abs=0.001)
+    assert signal.max() == pytest.approx(200 * (1 + 2 * 0.107**2) ** -1.9, rel=0.01)
+
+
+def test_an_offset_lengthens_all_ranges() -> None:
+    distance = seen(
+        1, sensor={'ranging': {'shot': '0 m', 'floor': '0 m', 'offset': '20 mm'}}, surfaces=[WALL]
+    ).distance
+    assert distance[0, [0, 5]] == pytest.approx(1.05 + 0.02 * np.array([0.9072, 0.9851]), abs=2e-4)
+
+
+def test_a_dead_time_bends_bright_signals_and_leaves_faint_ones() -> None:
+    bright = {'distance': '0.3 m', 'signal': '1000 kcps/SPAD', 'zones': [0]}
+    signal = seen(1, sensor={'saturation': '3000 kcps/SPAD'}, surfaces=[WALL, bright]).signal[0]
+    assert signal[0] == pytest.approx(1000 / (1 + 1000 / 3000))
+    assert signal[5] == pytest.approx(40 / (1 + 40 / 3000))
+
+
+def test_crosstalk_is_a_target_where_nothing_is_brighter() -> None:
+    dim = {'distance': '2 m', 'signal': '4 kcps/SPAD', 'zones': [3]}
+    near = {'distance': '0.3 m', 'signal': '50 kcps/SPAD', 'zones': [4]}
+    recording = seen(1, sensor={'crosstalk': '6 kcps/SPAD'}, surfaces=[dim, near])
+    assert recording.distance[0, 3] == pytest.approx(0.01)
+    assert recording.signal[0, 4] == pytest.approx(56)  # merged, and nearer than it is
+    assert recording.distance[0, 4] == pytest.approx((50 * 0.3 + 6 * 0.01) / 56)
+
+
+def test_a_second_sensor_raises_the_ambient_light_while_it_sends() -> None:
+    second = {'ambient': '20 kcps/SPAD', 'period': '33 ms', 'lasting': '11 ms'}
+    noise = {'floor': '1 (kcps/SPAD)^2', 'slope': '0 kcps/SPAD', 'ambient': '1 kcps/SPAD'}
+    recording = seen(
+        60, sensor={'second_sensor': second, 'noise': noise}, surfaces=[WALL], ambient='3 kcps/SPAD'
+    )
+    ambient = recording.ambient[:, 0]
+    assert ambient.mean() == pytest.approx(3 + 20 / 3, rel=0.01)
+    assert ambient.min() == pytest.approx(3.0)
+    lit = ambient > np.median(ambient)
+    assert recording.signal[lit].var() > 1.5 * recording.signal[~lit].var()
+
+
+def test_a_hand_on_a_path_hides_what_is_behind_it() -> None:
+    path = way(4, (-2, 0, 0.5), (2, 0, 0.5))
+    hand = {'width': '60 cm', 'signal': '60 kcps/SPAD', 'path': path}
+    recording = seen(4, markers=[IN_ZONE_10], surfaces=[WALL], moving_surfaces=[hand])
+    middle = len(recording) // 2
+    assert recording.distance[middle, 10] == pytest.approx(0.5)
+    assert recording.signal[middle, 10] == pytest.approx(60 / 0.5**2)
+    assert recording.distance[0, 10] > 0.9
+
+
+def test_a_sensor_that_turns_sweeps_a_marker_across_its_zones() -> None:
+    path = way(8, (0, 0, 0), (0, 0, 0), (-15, 15))
+    ahead = {'id': 2816, 'position': ['0 m', '0.1 m', '1 m']}
+    recording = seen(7.9, sensor={'path': path}, markers=[ahead], surfaces=[WALL])
+    blinking = np.array([block.std(axis=0) for block in np.array_split(recording.signal, 6)])
+    assert blinking[0].argmax() % 4 == 3  # it looks to the left, so the marker is on the right
+    assert blinking[-1].argmax() % 4 == 0
+    # The wall is square to the axis in the middle of the sweep.
+    middle = len(recording) // 2
+    np.testing.assert_allclose(recording.distance[middle, 12:], 1.05, atol=0.01)
+    assert recording.distance[0, 12] > recording.distance[0, 15]
+
+
+def test_a_sensor_that_comes_nearer_sees_more() -> None:
+    path = way(8, (0, 0, 0), (0, 0, 0.5))
+    recording = seen(7.9, sensor={'path': path}, surfaces=[WALL])
+    assert recording.distance[0, 5] == pytest.approx(1.05, abs=0.002)
+    assert recording.distance[-1, 5] == pytest.approx(0.556, abs=0.005)
+    assert recording.signal[-1, 5] == pytest.approx(40 * (1.05 / 0.556) ** 2, rel=0.02)

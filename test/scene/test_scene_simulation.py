@@ -43,10 +43,6 @@ def assert_same(one: Recording, other: Recording) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-def concatenated(parts: list[Recording]) -> Recording:
-    return Recording.of([frame for part in parts for frame in part])
-
-
 def test_a_wall_is_reported_exactly() -> None:
     recording = simulate(replace(wall(2.5, 7.25), ambient=1.5), 20)
     assert (recording.distance == 2.5).all()
@@ -175,4 +171,4 @@ def test_blocks_have_no_seam(split: int) -> None:
     assert Status.NO_PREVIOUS_TARGET in whole.status
     simulation = Simulation(scene)
     parts = [simulation.advance(split), simulation.advance(200 - split)]
-    assert_same(concatenated(parts), whole)
+    assert_same(Recording.of([frame for part in parts for frame in part]), whole)

@@ -12,26 +12,16 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface
-from retrolidar_ros.sensor.frame import Floats, Recording
+from retrolidar_ros.scene.description import Occlusion, Sensor, Surface
+from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
-
-
-def at(position_m: Floats) -> Marker:
-    """Return the bright marker at a position, shape (3,) [m]."""
-    x, y, z = position_m.tolist()
-    return replace(BRIGHT, position_m=(x, y, z))
 
 
 @pytest.mark.parametrize('zone', range(16))
 def test_distance_is_along_the_axis_by_the_factor_of_the_zone(zone: int) -> None:
-    position = 1.5 * GRID.directions[zone] + [0.02, -0.01, 0]
-    recording = simulate(Scene(markers=(at(position),)), 2)
-    # UM3109 has one factor for the corners, one for the edges and one for the middle.
-    row, column = divmod(zone, 4)
-    factor = [0.9851, 0.9438, 0.9072][(row in (0, 3)) + (column in (0, 3))]
-    expected = float(np.linalg.norm(position)) * factor
-    assert recording.distance[0, zone] == pytest.approx(expected, rel=2e-3)
+    x, y, z = (1.5 * GRID.directions[zone]).tolist()
+    recording = simulate(Scene(markers=(replace(BRIGHT, position_m=(x, y, z)),)), 2)
+    assert recording.distance[0, zone] == pytest.approx(1.5 * GRID.z_per_range[zone], rel=2e-3)
 
 
 def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
@@ -49,10 +39,8 @@ def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
 
 def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> None:
     # Differences of long integrals of time are zero up to their last bits only.
-    identity = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
-    scene = Scene(
-        sensor=Sensor(ranging=RANGING), markers=(replace(MARKER, id=identity, response=None),)
-    )
+    one = next(i for i in range(1, 4095) if packet(i)[-1] == 1)
+    scene = Scene(sensor=Sensor(ranging=RANGING), markers=(replace(MARKER, id=one, response=None),))
     recording = simulate(scene, 14_000)
     seen = recording.status[:, ZONE] != Status.NO_TARGET
     assert recording.signal[seen, ZONE].min() > 0.01

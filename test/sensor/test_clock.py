@@ -148,9 +148,7 @@ def test_the_smallest_steps_forward_are_mended_by_the_window() -> None:
 @pytest.mark.parametrize(
     ('length_s', 'first_ms', 'later_ms'), [(10, LATER_MS, LATER_MS), (100, 50.0, 2.0)]
 )
-def test_a_cable_that_is_pulled(
-    skew: float, length_s: float, first_ms: float, later_ms: float
-) -> None:
+def test_a_pulled_cable(skew: float, length_s: float, first_ms: float, later_ms: float) -> None:
     run = simulate(length_s + 120, skew).stalled(60 + length_s, 0.06)
     run = run.only(run.at(0, 60) | run.at(60 + length_s))
     assert run.arrival_ns[run.at(60)][0] - run.host_ns[run.at(60)][0] > 30_000_000
@@ -232,9 +230,7 @@ Pairs = list[tuple[int, int]]
 
 def pairs_of(moves: Pairs) -> Pairs:
     """Return sensor times [µs] and arrivals [ns] that follow one another by `moves`."""
-    sensor_us, arrival_ns = np.cumsum(
-        np.array([(2**48, START_NS), *moves], dtype=np.int64), axis=0
-    ).T
+    sensor_us, arrival_ns = np.cumsum([(2**48, START_NS), *moves], axis=0, dtype=np.int64).T
     return list(zip(sensor_us.tolist(), arrival_ns.tolist(), strict=True))
 
 
@@ -248,9 +244,7 @@ def outcome(pairs: Pairs, min_delay_s: float = 0.0) -> tuple[list[int], list[int
 
 @law
 @given(steps, st.integers(-(2**47), 2**62), st.integers(-START_NS, 2**62), st.integers(0, 1000))
-def test_all_may_count_from_anywhere(
-    moves: Pairs, shift_us: int, shift_ns: int, delay_ms: int
-) -> None:
+def test_all_count_from_anywhere(moves: Pairs, shift_us: int, shift_ns: int, delay_ms: int) -> None:
     pairs = pairs_of(moves)
     stamps_ns, *rest = outcome(pairs)
     for shifted, later_ns in (

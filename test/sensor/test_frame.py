@@ -1,17 +1,20 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Zones look where the sensor's geometry says, recordings hold their frames, noise has its law."""
+"""Zones look where the geometry says, rotations turn, recordings hold frames, noise has its law."""
 
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from harness_frames import make_frames
+from hypothesis import given
+from hypothesis import strategies as st
 
-from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, valid_samples
+from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.rotation import matrix_of, matrix_of_turn, quaternion_of, turn_of
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])
@@ -30,25 +33,17 @@ def test_zone_centres_are_those_of_the_sensor(grid: ZoneGrid, centres_deg: list[
         np.testing.assert_allclose(angles_deg[row, :, 0], centres_deg, atol=0.006)
     for column in range(grid.columns):
         np.testing.assert_allclose(angles_deg[:, column, 1], centres_deg, atol=0.006)
-
-
-@both_grids
-def test_field_of_view_is_that_of_the_sensor(grid: ZoneGrid) -> None:
     edge = grid.tangents.max() + grid.pitch / 2
     assert 2 * np.rad2deg(np.arctan(edge)) == pytest.approx(46.5, abs=0.05)
     assert 2 * np.rad2deg(np.arctan(np.sqrt(2) * edge)) == pytest.approx(62.6, abs=0.1)
 
 
 @both_grids
-def test_directions_are_unit_vectors_to_the_zone_centres_from_the_top_left(grid: ZoneGrid) -> None:
+def test_directions_are_unit_vectors_to_the_zone_centres(grid: ZoneGrid) -> None:
     assert grid.zones == grid.rows * grid.columns == len(grid.directions)
     np.testing.assert_allclose(np.linalg.norm(grid.directions, axis=1), 1, rtol=1e-12)
     np.testing.assert_allclose(grid.directions[:, :2] / grid.directions[:, 2:], grid.tangents)
-    x, y, z = grid.directions.reshape(grid.rows, grid.columns, 3).transpose(2, 0, 1)
-    assert max(x[0, 0], y[0, 0]) < 0
-    assert (np.diff(x, axis=1) > 0).all()
-    assert (np.diff(y, axis=0) > 0).all()
-    assert (z > 0.85).all()
+    assert (grid.directions[:, 2] > 0.85).all()
 
 
 @both_grids
@@ -147,3 +142,62 @@ def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:
     assert [missing_frames(*pair) for pair in pairs] == [0, 0, 2, 0, 2, 0]
     steps = [(10, 0), (10, -9_000_000), (9, 0), (10, 10_000_000), (9, 9_000_000)]
     assert [stamps_stand(*step) for step in steps] == [True, True, False, False, False]
+
+
+EXACT = 1e-12
+
+
+def unit(values: tuple[float, ...]) -> Floats:
+    quaternion: Floats = np.array(values) / np.linalg.norm(values)
+    return quaternion
+
+
+quaternions = (
+    st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: bool(np.linalg.norm(q) > 0.01)).map(unit)
+)
+
+
+def turn(axis: int, angle_deg: float) -> Floats:
+    quaternion = np.zeros(4)
+    quaternion[axis] = np.sin(np.radians(angle_deg) / 2)
+    quaternion[3] = np.cos(np.radians(angle_deg) / 2)
+    return quaternion
+
+
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_a_quarter_turn_is_right_handed(axis: int) -> None:
+    after, last = (axis + 1) % 3, (axis + 2) % 3
+    turned = matrix_of(turn(axis, 90)) @ np.eye(3)
+    assert turned[:, axis] == pytest.approx(np.eye(3)[axis])
+    assert turned[:, after] == pytest.approx(np.eye(3)[last])
+    assert turned[:, last] == pytest.approx(-np.eye(3)[after])
+
+
+@given(quaternions)
+def test_matrices_are_rotations_and_all_come_back_up_to_a_sign(quaternion: Floats) -> None:
+    matrix = matrix_of(quaternion)
+    assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=EXACT)
+    assert np.linalg.det(matrix) == pytest.approx(1)
+    found = quaternion_of(matrix)
+    assert found.shape == (4,)
+    assert np.linalg.norm(found) == pytest.approx(1)
+    assert abs(found @ quaternion) == pytest.approx(1, abs=1e-9)
+    assert matrix_of(found) == pytest.approx(matrix, abs=1e-9)
+
+
+@given(quaternions, st.integers(0, 2**32 - 1))
+def test_noise_on_a_matrix_moves_its_quaternion_as_little(quaternion: Floats, seed: int) -> None:
+    noise = 1e-6 * np.random.default_rng(seed).standard_normal((3, 3))
+    assert abs(quaternion_of(matrix_of(quaternion) + noise) @ quaternion) > 1 - 1e-10
+
+
+@given(quaternions, st.floats(0.1, 10), st.sampled_from([-1, 1]))
+def test_length_and_sign_do_not_matter(quaternion: Floats, length: float, sign: int) -> None:
+    assert matrix_of(sign * length * quaternion) == pytest.approx(matrix_of(quaternion), abs=EXACT)
+
+
+@given(axis=quaternions, angle=st.floats(0, np.pi - 1e-3))
+def test_a_turn_of_less_than_half_is_found_in_its_matrix(axis: Floats, angle: float) -> None:
+    length = np.linalg.norm(axis[:3])
+    turned = angle * axis[:3] / length if length > 1e-3 else np.zeros(3)
+    assert turn_of(matrix_of_turn(turned)) == pytest.approx(turned, abs=1e-6)

@@ -5,7 +5,7 @@
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import pytest
-from harness_wire import make_frame, make_packets, reader_in_step, sequences
+from harness_frames import make_frame, make_packets, reader_in_step, sequences
 
 from retrolidar_ros.scene.firmware import EmulatedFirmware
 from retrolidar_ros.sensor.identity import Command, Commands, Identity, encode_identity
@@ -13,9 +13,7 @@ from retrolidar_ros.sensor.wire import FrameReader, encode_packet
 
 RANGING = Identity('1.2.3', '000102030405060708090a0b', True)
 STOPPED = RANGING._replace(is_ranging=False)
-IDENTIFY, START, STOP = (
-    command.line() for command in (Command.IDENTIFY, Command.START, Command.STOP)
-)
+IDENTIFY, START, STOP = (one.line() for one in (Command.IDENTIFY, Command.START, Command.STOP))
 
 
 def packet_of(identity: Identity) -> bytes:

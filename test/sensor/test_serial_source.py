@@ -24,12 +24,7 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import (
-    Received,
-    SerialSource,
-    explain,
-    in_background,
-)
+from retrolidar_ros.sensor.serial_source import Received, SerialSource, explain, in_background
 from retrolidar_ros.sensor.wire import FrameReader, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
@@ -76,7 +71,7 @@ def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> N
 
 
 @pytest.mark.usefixtures('soon')
-def test_an_absent_port_is_reported_once_and_opened_when_it_comes(
+def test_an_absent_port_is_told_once_and_awaited(
     link: Path, read: Read, monkeypatch: Patch
 ) -> None:
     tries: Queue[None] = Queue()

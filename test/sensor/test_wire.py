@@ -1,19 +1,33 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The wire keeps every frame, byte for byte as protocol, checksum and framing have it."""
+"""The wire keeps every frame byte for byte, and its reader finds and counts every packet."""
 
+import itertools
+import pickle
 import struct
 from typing import Any
 
 import numpy as np
 import pytest
-from harness_wire import SENSOR_TIME_US, ZONES, content_of, law, make_frame, read
-from hypothesis import example, given
+from harness_frames import (
+    SENSOR_TIME_US,
+    ZONES,
+    content_of,
+    law,
+    make_frame,
+    make_packets,
+    read,
+    reader_in_step,
+    sequences,
+)
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.wire import (
     DELIMITER,
+    MAX_PACKET_BYTES,
+    FrameReader,
     WireCounts,
     cobs_decode,
     cobs_encode,
@@ -53,6 +67,10 @@ def bitwise_crc(data: bytes) -> int:
     return register
 
 
+def joined(*pieces: bytes) -> st.SearchStrategy[bytes]:
+    return st.lists(st.sampled_from(pieces), max_size=8).map(b''.join)
+
+
 @law
 @given(st.binary(max_size=100))
 @example(b'123456789')
@@ -62,12 +80,7 @@ def test_crc_is_the_bitwise_one(data: bytes) -> None:
 
 
 @law
-@given(
-    st.binary(max_size=600)
-    | st.lists(st.sampled_from([b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254]), max_size=8).map(
-        b''.join
-    )
-)
+@given(st.binary(max_size=600) | joined(b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254))
 def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> None:
     encoded = cobs_encode(data)
     assert encoded == pypi_cobs.encode(data)
@@ -76,12 +89,7 @@ def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> N
 
 
 @law
-@given(
-    st.binary(max_size=8)
-    | st.lists(
-        st.sampled_from([b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254]), max_size=6
-    ).map(b''.join)
-)
+@given(st.binary(max_size=8) | joined(b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254))
 @example(b'\1')
 @example(b'\3a\0')
 @example(b'\xff' + b'z' * 254)
@@ -132,16 +140,15 @@ def test_the_written_packet_is_read_and_written_byte_for_byte() -> None:
 
 
 def test_values_are_clipped_to_the_units_of_the_wire() -> None:
-    distance = np.full(16, 1.0, np.float32)
-    light = np.full(16, 1.0, np.float32)
+    distance, light = np.ones((2, 16), np.float32)
     distance[:8] = [np.inf, 8.192, 8.19175, 0.0002, 0.0001, -0.0002, -8.192, -np.inf]
     light[:8] = [3e38, 4e6, 2097152, 2097151.5, 0.0003, 0.0002, -0.0003, -3e38]
     packet = encode_frame(make_frame(distance=distance, signal=light, ambient=light))
     zones = list(struct.iter_unpack('<hIIB', cobs_decode(packet[:-1])[15:-2]))
     in_order = [zones[n] for n in (3, 2, 1, 0, 7, 6, 5, 4)]
     assert [zone[0] for zone in in_order] == [32767, 32767, 32767, 1, 0, -1, -32768, -32768]
+    highest = 2**32 - 1
     for field in (1, 2):
-        highest = 2**32 - 1
         raw = [highest, highest, highest, highest - 1023, 1, 0, 0, 0]
         assert [zone[field] for zone in in_order] == raw
 
@@ -176,3 +183,116 @@ def test_only_status_255_means_no_distance_and_rows_begin_at_the_right(side: int
 def test_frames_that_the_wire_cannot_hold(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         encode_frame(make_frame(**changes))
+
+
+def counted(counts: WireCounts) -> int:
+    return counts.frames + counts.unknown_kind + counts.damaged
+
+
+def ended_packets(stream: bytes) -> list[bytes]:
+    """Return what stands before each delimiter, where that is not nothing."""
+    return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
+
+
+NUMBERS = {one[:-1]: n for side in (4, 8) for n, one in enumerate(make_packets(4, side))}
+
+
+def whole(stream: bytes) -> list[int]:
+    """Return the sequences of the packets of `NUMBERS` that stand whole in a stream."""
+    return [NUMBERS[packet] for packet in ended_packets(stream) if packet in NUMBERS]
+
+
+def garbage() -> st.SearchStrategy[bytes]:
+    good = st.sampled_from([*make_packets(3), *make_packets(2, side=8)])
+    cut = st.tuples(good, st.integers(1, 190)).map(lambda pair: pair[0][: pair[1]])
+    span, noise = st.integers(0, 30), st.binary(max_size=30)
+    damaged = st.tuples(good, st.integers(0, 190), span, noise).map(
+        lambda one: one[0][: one[1]] + one[3] + one[0][one[1] + one[2] :]
+    )
+    other = st.binary(max_size=20).map(encode_packet)
+    overlong = st.integers(MAX_PACKET_BYTES - 2, MAX_PACKET_BYTES + 2).map(lambda n: n * b'\1')
+    piece = good | cut | damaged | other | noise | st.just(DELIMITER) | overlong
+    return st.lists(piece, max_size=10).map(b''.join)
+
+
+@settings(law, max_examples=120)
+@given(stream=garbage(), data=st.data())
+def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataObject) -> None:
+    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))
+    reader = reader_in_step()
+    found: list[int] = []
+    for start, end in itertools.pairwise([0, *cuts, len(stream)]):
+        found += sequences(reader.feed(stream[start:end]))
+        assert found == whole(stream[:end])
+    pending = stream.rpartition(DELIMITER)[2]
+    overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
+    assert counted(reader.counts) == len(ended_packets(stream)) + overlong
+    assert reader.counts.frames == len(found)
+    assert reader.counts == read(stream)[1]
+
+
+def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
+    first, second, third = make_packets(3)
+    reader = FrameReader()
+    for start in range(1, len(first) - 1):
+        assert sequences(reader.feed(first[start:] + second + third)) == [1, 2], start
+        assert reader.counts.damaged == 0
+        reader.restart()
+    assert sequences(reader.feed(first + second[1:])) == [0]  # the first was whole
+    assert reader.counts.damaged == 1
+    assert sequences(reader.feed(second[:50])) == []
+    reader.restart()
+    assert reader.counts.damaged == 2  # it was begun, and cut off
+
+
+# Rows, columns, and how many zones there are.
+SHAPES = [(4, 4, 0), (0, 0, 0), (4, 4, 15), (8, 8, 16), (4, 4, 64), (1, 16, 16), (2, 8, 16)]
+SHAPES += [(16, 1, 16), (4, 8, 32), (16, 16, 256), (255, 255, 16)]
+
+
+@pytest.mark.parametrize(
+    ('field', 'content'),
+    [
+        ('bad_crc', b''),
+        *(('unknown_kind', kind) for kind in (b'\0', b'\3', content_of(4, 4, ZONES, kind=255))),
+        *(('bad_shape', part) for part in (b'\1', b'\2', content_of(4, 4, [])[:-1])),
+        *(('bad_shape', content_of(a, b, (ZONES * 16)[:count])) for a, b, count in SHAPES),
+        ('bad_shape', content_of(255, 255, ZONES * 20)),
+        ('bad_shape', content_of(4, 4, ZONES)[:-1]),
+        ('bad_shape', content_of(4, 4, ZONES) + b'\0'),
+    ],
+)
+def test_whole_packets_that_are_no_frames(field: str, content: bytes) -> None:
+    reader = reader_in_step()
+    assert reader.feed(encode_packet(content)) == []
+    assert reader.counts == WireCounts(**{field: 1})
+    assert reader.counts.damaged == (field != 'unknown_kind')
+    assert sequences(reader.feed(make_packets(1)[0])) == [0]
+
+
+@pytest.mark.parametrize(
+    ('field', 'packet'),
+    [
+        *(('bad_crc', packet) for packet in (b'\1', b'\2a', b'\3ab', b'\1' * MAX_PACKET_BYTES)),
+        *(('bad_framing', packet) for packet in (b'\4ab', b'\xff')),
+        ('overlong', b'\1' * (MAX_PACKET_BYTES + 1)),
+    ],
+)
+def test_packets_that_are_not_whole(field: str, packet: bytes) -> None:
+    counts = WireCounts(**{field: 1})
+    assert read(packet + DELIMITER) == ([], counts)
+    assert counts.damaged == 1
+
+
+def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> None:
+    # COBS adds a byte and one for every 254, and the checksum has two.
+    longest = b'\3' + b'x' * (MAX_PACKET_BYTES - 1 - MAX_PACKET_BYTES // 255 - 3)
+    assert len(encode_packet(longest)) == MAX_PACKET_BYTES + len(DELIMITER)
+    assert read(encode_packet(longest)) == ([], WireCounts(unknown_kind=1))
+    assert read(encode_packet(longest + b'x')) == ([], WireCounts(overlong=1))
+    reader = FrameReader()
+    for length in range(1, MAX_PACKET_BYTES + 1):
+        reader.feed(b'x')
+        assert length < len(pickle.dumps(reader._packets)) < length + 1000
+    reader.feed(b'x')
+    assert len(pickle.dumps(reader._packets)) < 1000

@@ -1,18 +1,26 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that ship are found; YAML files are read, or refused at once with a reason."""
+"""Files that ship are found, YAML is read or refused with a reason, parameters are declared."""
 
+import math
 import os
+import re
 import time
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from retrolidar_ros.marker.code import RESERVED_IDS
+from retrolidar_ros.detector.methods import MAX_PACKETS, METHODS, create_detector
+from retrolidar_ros.detector.parameters import READING
+from retrolidar_ros.marker.code import IDS, RESERVED_IDS
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.settings import resources
+from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.settings.yaml_files import load_yaml
@@ -43,9 +51,7 @@ def test_a_source_tree_holds_its_own_files(tmp_path: Path, monkeypatch: Patch) -
 @pytest.mark.parametrize(
     'packages', ['lib/python3.11/site', 'local/lib/python3.12/dist', 'lib64/python3.13/site']
 )
-def test_an_installed_package_finds_the_share_of_its_prefix(
-    tmp_path: Path, packages: str, monkeypatch: Patch
-) -> None:
+def test_an_installation_finds_its_share(tmp_path: Path, packages: str, monkeypatch: Patch) -> None:
     installed = tmp_path / f'{packages}-packages'
     install(installed, monkeypatch)
     shared = tmp_path / 'share' / 'retrolidar_ros' / 'msg' / 'Frame.msg'
@@ -80,23 +86,18 @@ def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     recording = Simulation(scene).run(10)
     noise = scene.sensor.noise
     assert noise
-    blinking = recording.signal.std(axis=0) ** 2 > 4 * (
-        noise.floor + noise.slope * recording.signal.mean(axis=0)
-    )
+    variance = noise.floor + noise.slope * recording.signal.mean(axis=0)
+    blinking = recording.signal.std(axis=0) ** 2 > 4 * variance
     assert blinking.sum() >= len(scene.markers)
     assert load_scene(str(find_scene(name))) == scene
     # Its surfaces fill each zone.
     zones = range(scene.sensor.grid.zones)
-    filled = {
-        zone for one in scene.surfaces for zone in (zones if one.zones is None else one.zones)
-    }
-    assert filled == set(zones)
+    full = {zone for one in scene.surfaces for zone in (zones if one.zones is None else one.zones)}
+    assert full == set(zones)
     assert {'coffee', 'drone', 'range'} <= set(SHIPPED)
 
 
-def test_a_file_goes_before_a_shipped_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_goes_before_a_shipped_scene(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
     assert find_scene('coffee').name == 'coffee.yaml'
     Path('coffee').write_text('seed: 99')
@@ -155,9 +156,7 @@ def test_a_key_that_stands_twice_is_refused(file: Path, text: str, key: str, lin
     ],
     ids=lambda value: str(value)[:20],
 )
-def test_what_is_no_yaml_or_harms_is_refused_with_the_reason(
-    text: str | bytes, reason: str, tmp_path: Path
-) -> None:
+def test_no_yaml_or_what_harms_is_refused(text: str | bytes, reason: str, tmp_path: Path) -> None:
     path = tmp_path / 'hostile.yaml'
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     began = time.process_time()
@@ -170,9 +169,7 @@ def test_what_is_no_yaml_or_harms_is_refused_with_the_reason(
             load_scene(str(path))
 
 
-def test_what_never_ends_is_read_to_the_limit_and_what_is_no_file_is_an_os_error(
-    tmp_path: Path,
-) -> None:
+def test_what_never_ends_is_read_to_the_limit_and_no_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='is larger than'):
         load_yaml(Path('/dev/zero'))
     fifo = tmp_path / 'fifo'
@@ -208,3 +205,55 @@ def test_noise_in_a_file_is_read_or_refused(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match=f'^{path}'):
             load_scene(str(path))
     assert 150 < refused < 500
+
+
+def test_the_parameter_file_and_the_library_have_the_same_defaults_and_limits() -> None:
+    detector, driver = declared()['detector'], declared()['driver']
+    library = signature(create_detector).parameters
+    assert detector['bit_period'].default == library['bit_period_s'].default
+    for name in ('likelihood_threshold', 'false_ids_per_hour', 'max_packets'):
+        assert detector[name].default == library[name].default
+    names = ('noise_floor', 'noise_slope', 'noise_ambient')
+    assert NoiseLaw(*(detector[name].default for name in names)) == NoiseLaw()
+    assert detector['max_packets'].limits == (1, MAX_PACKETS)
+    assert detector['registered_ids'].limits == (0, IDS - 1)
+    assert detector['method'].among == METHODS
+    assert driver['protocol'].among == tuple(PROTOCOLS)
+    assert set(READING) < set(detector)
+
+
+def test_every_parameter_is_described_and_has_limits_that_its_default_keeps() -> None:
+    for node, parameters in declared().items():
+        for name, one in parameters.items():
+            assert one.check(name, one.default) == one.default, node
+            assert re.fullmatch(r'[A-Z].*[.]', one.description), (node, name)
+            kind = type(one.default)
+            assert bool(one.limits) == (kind in (int, float) or name == 'registered_ids')
+            assert not re.search(r'Range:|One of:|Live', one.description), one.description
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'reason'),
+    [
+        ('method', 'magic', "'magic' is not one of joint, paper"),
+        ('max_packets', 9, '9 is not within 1 to 8'),
+        ('max_packets', 2.0, '2.0 is not of type int'),
+        ('max_packets', True, 'True is not of type int'),
+        ('noise_floor', math.nan, 'nan is not within 1e-06 to 1000000'),
+        ('publish_tf', 1, '1 is not of type bool'),
+        ('registered_ids', [7, 5000], '5000 is not within 0 to 4095'),
+        ('registered_ids', 7, '7 is not a list'),
+        ('registered_ids', [True], 'True is not a whole number'),
+        ('registered_ids', [1] * 200_000, '200000 numbers; 4096 are the most'),
+    ],
+)
+def test_what_is_not_allowed_is_refused(name: str, value: object, reason: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(f'{name}: {reason}')):
+        declared()['detector'][name].check(name, value)
+
+
+def test_a_whole_number_may_be_a_float_and_texts_are_not_empty() -> None:
+    checked = declared()['detector']['bit_period'].check('bit_period', 1)
+    assert (checked, type(checked)) == (1.0, float)
+    with pytest.raises(ValueError, match="topics: '' is not a text"):
+        declared()['landmarks']['topics'].check('topics', ['a', ''])

@@ -1,5 +1,7 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+"""Where landmarks are by the readings of them."""
+
 from __future__ import annotations
 
 import itertools
@@ -182,7 +184,7 @@ def test_a_name_stays_with_its_marker_once_that_is_placed() -> None:
     assert estimate_of(survey.landmarks['mug']) is before
 
 
-def test_a_survey_has_room_for_so_many_and_prefers_those_that_are_placed(
+def test_a_survey_is_limited_and_prefers_what_is_placed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(survey_module, 'MAX_LANDMARKS', 5)
@@ -271,11 +273,7 @@ def test_an_estimate_does_not_depend_on_where_it_starts() -> None:
     ],
 )
 def test_an_impossible_survey_is_refused(key: str, value: object, message: str) -> None:
-    mug = {
-        'position': [0, 0, 1],
-        'orientation': [0, 0, 0, 1],
-        'covariance': np.eye(6).ravel().tolist(),
-    }
+    mug = {'position': [0, 0, 1], 'orientation': [0, 0, 0, 1], 'covariance': list(np.eye(6).flat)}
     with pytest.raises(ConfigError, match=message):
         parse_survey({'frame': 'map', 'landmarks': {'mug': mug | {key: value}}})
 

@@ -87,9 +87,7 @@ def test_a_link_stays_a_link(room: Path) -> None:
 
 
 @pytest.mark.parametrize('step', ['write_text', 'replace', 'fsync', 'copy2'])
-def test_a_disk_that_fails_costs_nothing(
-    room: Path, monkeypatch: pytest.MonkeyPatch, step: str
-) -> None:
+def test_a_bad_disk_costs_nothing(room: Path, monkeypatch: pytest.MonkeyPatch, step: str) -> None:
     before = room.read_bytes()
 
     def fail(*_: object, **__: object) -> None:
@@ -112,9 +110,7 @@ def test_a_disk_that_fails_costs_nothing(
         lambda one: one.position_m.fill(np.inf),
     ],
 )
-def test_a_map_that_could_not_be_loaded_is_not_written(
-    room: Path, spoil: Callable[[Estimate], None]
-) -> None:
+def test_an_unloadable_map_is_not_written(room: Path, spoil: Callable[[Estimate], None]) -> None:
     before = room.read_bytes()
     spoilt = estimates('lamp', 'tray', at_m=HERE.copy())
     spoil(spoilt[1])
