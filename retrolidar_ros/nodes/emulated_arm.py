@@ -19,7 +19,6 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
-from retrolidar_ros.nodes.run import run
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import rotation_of
@@ -105,8 +104,3 @@ class EmulatedArmNode(Node):
         header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
         pose = to_pose(IN_BASE @ position_m[0], orientation)
         self._broadcaster.sendTransform([to_transform(header, self._sensor, pose)])
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(EmulatedArmNode)

@@ -14,7 +14,6 @@ from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched
-from retrolidar_ros.nodes.run import run
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
 _TICK_S = 0.02
@@ -99,8 +98,3 @@ def _unseen_s(message: Marked) -> float:
     if isinstance(message, MarkerTrack):
         return max(1e-9 * (to_ns(message.header.stamp) - to_ns(message.last)), 0.0)
     return 0.0
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(HeartbeatNode)
