@@ -23,7 +23,6 @@ from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
-from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.backlog import Backlog, Batch
@@ -48,8 +47,6 @@ class LandmarksNode(Node):
         super().__init__('landmarks')
         parameters = Parameters(self, 'landmarks')
         self._values = values = parameters.values
-        if values['source'] == 'tracks' and 'markers' in values['topics']:
-            raise ValueError('topics: markers are detections; name topics of tracks, or no source')
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects: dict[str, dict[int, Floats]] = {
@@ -90,7 +87,6 @@ class LandmarksNode(Node):
         DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
             self,
-            values['source'],
             self._fixed,
             values['patience'],
             self._on_reading,
@@ -238,8 +234,3 @@ class LandmarksNode(Node):
         if not rows:
             problems.append((WARN, 'nothing is placed yet'))
         return Health(problems, values, f'{len(rows)} placed')
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(LandmarksNode)
