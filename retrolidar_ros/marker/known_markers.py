@@ -73,11 +73,7 @@ def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
 def parse_markers(content: object) -> dict[int, KnownMarker]:
     """Return the markers that nested mappings describe, as read from a YAML file.
 
-    Raises
-    ------
-    ConfigError
-        For an impossible ID, a frame of two markers, an unknown key or a missing unit; the message
-        names the key.
+    ConfigError for an impossible ID, a frame of two markers, or what `mapping` refuses.
     """
     section = Section(content)
     known = section.take('markers', _markers)
@@ -122,13 +118,5 @@ def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, tuple[fl
 
 
 def load_markers(path: Path) -> dict[int, KnownMarker]:
-    """Return the markers that a marker file names, by their IDs.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ConfigError
-        If a marker is impossible, or occurs twice; the message names the file and the key.
-    """
+    """Return the markers that a marker file names, by their IDs; errors as of `load_parsed`."""
     return load_parsed(path, parse_markers)
