@@ -16,6 +16,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from retrolidar_ros.cli.demo import COMMON, executable, running_nodes, start_emulator
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.nodes.listener import Listener
@@ -24,7 +25,6 @@ from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.truth import RARE
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.tasks.state import largest_stddev
 
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
 _LATE_S = 1.0  # the estimate of a place is complete so long after the hand has left it

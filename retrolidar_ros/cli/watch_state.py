@@ -23,7 +23,8 @@ from retrolidar_ros.detector.parameters import detector_of, known_markers, noise
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording
-from retrolidar_ros.sensor.serial_source import Received, SerialSource
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.wire import WireCounts
 
 # The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
 _KEPT_BITS = PACKET_BITS + 3
@@ -40,7 +41,7 @@ class _Tally(NamedTuple):
     time_s: float
     frames: int
     restarts: int
-    received: Received
+    received: WireCounts
 
 
 class Watch:
@@ -87,7 +88,7 @@ class Watch:
         newest = self._monitor.newest if self._monitor else None
         last = newest[-1] if newest else None
         if self._monitor is None or last is None or last.grid != grid:
-            if self._fixed_zone is not None and self._fixed_zone >= grid.zones:
+            if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
                 raise ValueError(
                     f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
                     f'0 to {grid.zones - 1}'
@@ -124,7 +125,7 @@ class Watch:
             rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
             frames=now.frames,
             lost=self._monitor.lost if self._monitor else 0,
-            damaged=received.damaged,
+            damaged=received.unread,
         )
         if self._monitor is None or self._detector is None:
             return snapshot

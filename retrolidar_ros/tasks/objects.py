@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.state import largest_stddev
 
 
 class Sighting(NamedTuple):

@@ -19,6 +19,7 @@ from harness_readings import (
     squared,
 )
 
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError
@@ -26,7 +27,7 @@ from retrolidar_ros.tasks import survey as survey_module
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
-from retrolidar_ros.tasks.state import Prior, State, largest_stddev
+from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import Survey
 from retrolidar_ros.tasks.survey_files import parse_survey
 

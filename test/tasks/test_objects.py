@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.tasks.objects import ObjectBoard
-from retrolidar_ros.tasks.state import largest_stddev
 
 S = 1_000_000_000
 SHARP = np.diag([1e-4, 1e-4, 1e-6])  # 1 cm
