@@ -8,7 +8,6 @@ import re
 from itertools import combinations
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
@@ -24,6 +23,7 @@ from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
@@ -77,7 +77,7 @@ class CoffeeNode(Node):
         else:
             self._readings = DetectionSubscriber(self, values['source'], self._on_detection)
         parameters.warn_of_misspelled()
-        self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:
         if values['min_height'] > values['max_height']:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
@@ -23,6 +22,7 @@ from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.backlog import Backlog, Batch
@@ -103,9 +103,8 @@ class LandmarksNode(Node):
         parameters.warn_of_misspelled()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_TICK_S, self._solve, clock=steady)
-        self.create_timer(_TOPICS_S, self._tend_topics, clock=steady)
+        repeat(self, _TICK_S, self._solve)
+        repeat(self, _TOPICS_S, self._tend_topics)
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
@@ -16,6 +15,7 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import covariance_of, vector_of
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
@@ -53,7 +53,7 @@ class TransformedDetections(DetectionSubscriber):
         self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
         self._dropped = self._dropped_before = 0
         self._missing = ''
-        node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(node, _TICK_S, self._tick)
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
         """Add counts to diagnostics; return the problems since the last call."""

@@ -75,10 +75,7 @@ class _Table:
     def take(self, line: str) -> bool:
         """Take a line; return whether it completes the table.
 
-        Raises
-        ------
-        ValueError
-            If it cannot follow the lines before it.
+        ValueError if it cannot follow the lines before it.
         """
         line = line.strip()
         if not line.startswith('|'):

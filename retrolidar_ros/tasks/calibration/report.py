@@ -32,6 +32,7 @@ def parameter_file(found: Calibration, source: str) -> str:
     """Return the text of a parameter file; nodes use defaults for the rest."""
     lines = [
         f'# From {source}, by `retrolidar calibrate`. What is not here was not found in it.',
+        *(f'# {line}' for line in [*sentences(found), *missing(found)]),
         '/**/detector:',
     ]
     values = parameters(found)
