@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.section import (
     ConfigError,
     Section,
@@ -108,12 +111,12 @@ def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
     return mapping(KnownMarker, id=identity)(value, f'{path}.{identity}')
 
 
-def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, tuple[float, ...]]]:
-    """Return the markers of each object that has some, with their places on it [m]."""
-    objects: dict[str, dict[int, tuple[float, ...]]] = {}
+def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, Floats]]:
+    """Return the markers of each object that has some, with their places on it, shape (3,) [m]."""
+    objects: dict[str, dict[int, Floats]] = {}
     for marker in known.values():
         if marker.object:
-            objects.setdefault(marker.object, {})[marker.id] = marker.place_m
+            objects.setdefault(marker.object, {})[marker.id] = np.array(marker.place_m)
     return objects
 
 

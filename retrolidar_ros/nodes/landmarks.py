@@ -49,11 +49,8 @@ class LandmarksNode(Node):
         self._values = values = parameters.values
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
-        objects: dict[str, dict[int, Floats]] = {
-            name: {marker: np.array(place) for marker, place in places.items()}
-            for name, places in objects_of(markers).items()
-        }
-        self._names = {marker.id: marker.frame for marker in markers.values()}
+        objects = objects_of(markers)
+        self._names = {marker.id: marker.object or marker.frame for marker in markers.values()}
         errors = Errors(
             range_bias_m=values['range_bias'],
             pose_m=values['pose_stddev'],
@@ -121,7 +118,6 @@ class LandmarksNode(Node):
             # Each of several sensors may have a name of its own for a marker.
             own = message.child_frame_id.removeprefix(self._values['frame_prefix'])
             name = self._names.get(reading.marker, own)
-            name = self._survey.owner_of(reading.marker, name)
         elif not self._room.has(reading.marker):
             return
         self._backlog.add(name, reading, time.monotonic())
