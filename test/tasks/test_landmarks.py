@@ -281,11 +281,6 @@ def test_an_impossible_survey_is_refused(key: str, value: object, message: str) 
         parse_survey({'frame': 'map', 'landmarks': {'mug': mug | {key: value}}})
 
 
-def test_a_reading_that_is_not_a_number_is_refused() -> None:
-    with pytest.raises(ValueError, match='a range of nan'):
-        reading(7, 'hand', 0.0, math.nan, 0.001, HERE, np.eye(3), SensorPose(HERE, np.eye(3)))
-
-
 @pytest.mark.parametrize('spoilt', [np.full((3, 3), math.nan), np.zeros((3, 3)), 2 * np.eye(3)])
 def test_a_sensor_without_a_pose_is_refused(spoilt: Floats) -> None:
     with pytest.raises(ValueError, match='the transform of the sensor is no pose'):

@@ -102,6 +102,5 @@ def test_offsets_are_of_objects_that_are_placed_in_one_frame() -> None:
 
 def test_what_is_no_number_is_no_sighting() -> None:
     board = ObjectBoard(['mug'], 0.15, 10.0)
-    assert not board.see('mug', 0, 'base', np.array([0.0, np.nan, 1.0]), SHARP)
     board.see('mug', 0, 'base', np.ones(3), np.full((3, 3), np.nan))
     assert 'mug' in board.missing(0)
