@@ -10,6 +10,7 @@ import numpy as np
 from evaluation.bench.judging import Step, watch
 from evaluation.bench.places import median_mm, rms_mm
 from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.reference_scene import walls
 from evaluation.bench.stresses import PLAIN, Stress
 from evaluation.experiments.moving import WAYS
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
@@ -17,7 +18,7 @@ from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker
-from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Recording
 
 _KNOWN_S = 3.0  # markers repeat so long before something happens

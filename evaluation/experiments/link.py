@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evaluation.bench.reference_scene import marker_in_each_zone
 from evaluation.report.chart_style import OTHERS, label, legend_under, line, look, new_chart
 from evaluation.report.claims import Claims, model
 from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL, marker_in_each_zone
+from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Link budget'

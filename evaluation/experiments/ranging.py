@@ -9,6 +9,7 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.rates import nearest
+from evaluation.bench.reference_scene import marker_in_each_zone
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
@@ -16,7 +17,7 @@ from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, mo
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
-from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
+from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'

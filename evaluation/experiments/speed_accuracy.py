@@ -13,6 +13,7 @@ import numpy as np
 from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import LEVEL, crossing, sum_of
 from evaluation.bench.recordings import rng_at
+from evaluation.bench.reference_scene import marker_in_each_zone
 from evaluation.experiments import paper_sweeps
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
@@ -22,7 +23,7 @@ from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.reference import SENSOR, marker_in_each_zone
+from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.scene.truth import PACKET_S
 
 TITLE = 'Speed against accuracy'

@@ -10,10 +10,9 @@ import math
 from typing import Any
 
 from retrolidar_ros.cli.arguments import Subparsers
-from retrolidar_ros.marker.battery import active_share
 from retrolidar_ros.scene.marker_budget import SENSOR_REACH_M, SNR, budget
 from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.settings.section import ConfigError, quantity
+from retrolidar_ros.settings.section import quantity
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -28,9 +27,11 @@ def add_command(subparsers: Subparsers) -> None:
         ('yaw', '0 deg', "angle between the marker's normal and the line of sight"),
         ('distance', '2 m', 'from the sensor'),
         ('cell', '90 mAh', 'capacity of the battery'),
-        ('queries', '1', 'packets an hour'),
     ):
         command.add_argument(f'--{name}', default=default, help=f'{what} (default: %(default)s)')
+    command.add_argument(
+        '--queries', type=float, default=1.0, help='packets an hour (default: %(default)g)'
+    )
     command.add_argument('--json', action='store_true', help='one JSON object')
     command.set_defaults(run=run)
 
@@ -46,23 +47,10 @@ def run(arguments: argparse.Namespace) -> int:
         yaw_rad=quantity('angle', -math.pi / 2, math.pi / 2)(arguments.yaw, '--yaw'),
         distance_m=distance_m,
         cell_mah=quantity('charge', 1.0)(arguments.cell, '--cell'),
-        queries_per_hour=_rate(arguments.queries, '--queries'),
+        queries_per_hour=arguments.queries,
     )
     print(json.dumps(found) if arguments.json else _text(found))
     return 0
-
-
-def _rate(text: str, path: str) -> float:
-    """Parse how many packets a marker is asked for in an hour."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise ConfigError(f'{path}: {text!r} is not a number') from None
-    try:
-        active_share(value)
-    except ValueError as error:
-        raise ConfigError(f'{path}: {error}') from None
-    return value
 
 
 def _text(found: dict[str, Any]) -> str:

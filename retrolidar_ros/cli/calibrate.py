@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Estimate parameters from a recording, and describe them on a page."""
+"""Estimate parameters from a recording."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def add_command(subparsers: Subparsers) -> None:
         'calibrate',
         help='estimate the parameters of a recorded sensor and its markers',
         description='Writes calibration.yaml, a params_file of the nodes and of decode, and '
-        'calibration.md with calibration.png. Only what the recording shows is written. Exit '
-        f'code {NOTHING_READ} if no marker is read.',
+        'calibration.png, the noise over the signal. Only what the recording shows is written. '
+        f'Exit code {NOTHING_READ} if no marker is read.',
     )
     add_bag(command)
     command.add_argument('--distance', help="from sensor to clearest marker, as in '1.2 m'")
@@ -51,21 +51,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f'{output} is a file; name a directory with -o')
     output.mkdir(exist_ok=True)
     (output / 'calibration.yaml').write_text(parameter_file(found, source), encoding='utf-8')
-    (output / 'calibration.md').write_text(_page(found, source), encoding='utf-8')
     _draw(found, output / 'calibration.png', source)
     print('\n'.join([*sentences(found), *(f'Next: {line}' for line in missing(found))]))
-    print(f'{output}: calibration.yaml, calibration.md, calibration.png')
+    print(f'{output}: calibration.yaml, calibration.png')
     if damage is not None:
         raise damage
     return 0 if found.markers else NOTHING_READ
-
-
-def _page(found: Calibration, source: str) -> str:
-    lines = [f'# Calibration from {source}', '', *(f'* {line}' for line in sentences(found)), '']
-    lines += ['± is half of the interval that holds the truth in 95 of 100 cases.', '']
-    if wanted := missing(found):
-        lines += ['## What to record next', '', *(f'* {line}' for line in wanted), '']
-    return '\n'.join([*lines, '![Noise over signal](calibration.png)', ''])
 
 
 def _draw(found: Calibration, path: Path, source: str) -> None:

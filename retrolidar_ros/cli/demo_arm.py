@@ -16,6 +16,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from retrolidar_ros.cli.demo import COMMON, executable, running_nodes, start_emulator
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.nodes.listener import Listener
@@ -24,28 +25,21 @@ from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.truth import RARE
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.tasks.state import largest_stddev
 
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
 _LATE_S = 1.0  # the estimate of a place is complete so long after the hand has left it
 
 
 class Known(NamedTuple):
-    """The estimate of an object: time in the scene, error, and covariance [m²]."""
+    """The estimate of an object at a time in the scene."""
 
     time_s: float
-    off_m: Floats
-    covariance: Floats
-
-    @property
-    def off_mm(self) -> float:
-        """The size of the error [mm]."""
-        return 1e3 * float(np.linalg.norm(self.off_m))
-
-    @property
-    def stddev_mm(self) -> float:
-        """The estimated deviation along the worst axis [mm]."""
-        return 1e3 * largest_stddev(self.covariance)
+    off_mm: float
+    """Size of its error."""
+    stddev_mm: float
+    """Its estimated deviation along the worst axis."""
+    is_inside: bool
+    """Whether the truth is in its 99.9 % ellipsoid."""
 
     def __str__(self) -> str:
         """Return error and deviation [mm]."""
@@ -82,7 +76,12 @@ class _Hand:
     def _take(self, name: str, truth_m: Floats, message: PoseWithCovarianceStamped) -> None:
         off_m = IN_BASE.T @ vector_of(message.pose.pose.position) - truth_m
         covariance = IN_BASE.T @ covariance_of(message.pose)[:3, :3] @ IN_BASE
-        self._known[name].append(Known(self.time_s(to_ns(message.header.stamp)), off_m, covariance))
+        time_s, off_mm = (
+            self.time_s(to_ns(message.header.stamp)),
+            1e3 * float(np.linalg.norm(off_m)),
+        )
+        is_inside = bool(off_m @ np.linalg.solve(covariance, off_m) < RARE)
+        self._known[name].append(Known(time_s, off_mm, 1e3 * largest_stddev(covariance), is_inside))
 
 
 def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
@@ -117,12 +116,9 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
     print('Error of the position ± its estimated deviation along the worst axis [mm]\n')
     _draw(hand, names, picture)
     last = [hand.after(len(hand.stays) - 1, one) for one in names]
-    off = [
-        one.off_m @ np.linalg.solve(one.covariance, one.off_m) if one else np.inf for one in last
-    ]
-    good = np.array(off) < RARE
-    print(f'picture: {picture}\n{good.sum()} of {len(good)} objects are in their 99.9 % ellipsoid')
-    return 0 if good.all() else 1
+    good = sum(one is not None and one.is_inside for one in last)
+    print(f'picture: {picture}\n{good} of {len(last)} objects are in their 99.9 % ellipsoid')
+    return 0 if good == len(last) else 1
 
 
 def _draw(hand: _Hand, names: Sequence[str], path: Path) -> None:

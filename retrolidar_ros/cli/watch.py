@@ -23,21 +23,11 @@ from retrolidar_ros.cli.arguments import (
 )
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, fitted, line, screen
-from retrolidar_ros.sensor.model import VL53L8CX
 from retrolidar_ros.sensor.protocols import PROTOCOLS
 from retrolidar_ros.sensor.serial_source import SerialSource, in_background
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
-
-
-def zone_index(text: str) -> int:
-    """Parse the index of a zone of the largest grid."""
-    zones = range(max(rows * columns for rows, columns in VL53L8CX.shapes))
-    with suppress(ValueError):
-        if (zone := int(text)) in zones:
-            return zone
-    raise argparse.ArgumentTypeError(f'{text} is no zone: they are 0 to 15, or 0 to {zones[-1]}')
 
 
 def add_command(subparsers: Subparsers) -> None:
@@ -51,7 +41,7 @@ def add_command(subparsers: Subparsers) -> None:
     add_port(command)
     command.add_argument(
         '--zone',
-        type=zone_index,
+        type=int,
         metavar='N',
         help='whose bits to show (default: the one that blinks most)',
     )

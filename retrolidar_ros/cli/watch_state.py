@@ -22,8 +22,9 @@ from retrolidar_ros.detector.newest_bits import newest_bits
 from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import Frame, Recording
-from retrolidar_ros.sensor.serial_source import Received, SerialSource
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.wire import WireCounts
 
 # The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
 _KEPT_BITS = PACKET_BITS + 3
@@ -40,7 +41,7 @@ class _Tally(NamedTuple):
     time_s: float
     frames: int
     restarts: int
-    received: Received
+    received: WireCounts
 
 
 class Watch:
@@ -58,7 +59,7 @@ class Watch:
         self._clock = ClockMap()
         self._detector: LikelihoodDetector | None = None
         self._agreement = Agreement(values['min_readings'])
-        self._monitor: FrameMonitor | None = None
+        self._monitor = FrameMonitor(ZoneGrid())
         self._last: dict[int, Detection] = {}
         self._times: Counter[int] = Counter()
         self._last_arrival_s = time.monotonic()
@@ -67,40 +68,37 @@ class Watch:
     @property
     def frames(self) -> int:
         """How many frames have come."""
-        return self._monitor.frames if self._monitor else 0
+        return self._monitor.frames
 
     def take(self, frames: list[Frame], arrival_ns: int) -> None:
         """Take frames that arrived together.
 
-        Raises
-        ------
-        ValueError
-            If the sensor has no such zone.
+        ValueError if the sensor has no such zone.
         """
         for frame in frames:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))
         self._last_arrival_s = arrival_ns * 1e-9
 
+    def _begin(self, grid: ZoneGrid) -> None:
+        """Begin to read frames of a grid."""
+        if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
+            raise ValueError(
+                f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
+                f'0 to {grid.zones - 1}'
+            )
+        detector = detector_of(self._values, grid, self._known)
+        if not isinstance(detector, LikelihoodDetector):
+            raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
+        self._detector, self._shown_zone = detector, self._fixed_zone
+        self._monitor.restart(grid)
+
     def _take(self, frame: Frame) -> None:
-        grid = frame.grid
-        newest = self._monitor.newest if self._monitor else None
-        last = newest[-1] if newest else None
-        if self._monitor is None or last is None or last.grid != grid:
-            if self._fixed_zone is not None and self._fixed_zone >= grid.zones:
-                raise ValueError(
-                    f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
-                    f'0 to {grid.zones - 1}'
-                )
-            detector = detector_of(self._values, grid, self._known)
-            if not isinstance(detector, LikelihoodDetector):
-                raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
-            self._detector = detector
-            self._shown_zone = self._fixed_zone
-        if self._monitor is None:
-            self._monitor = FrameMonitor(grid)
-        elif last is not None and (last.grid != grid or last.stamp_ns >= frame.stamp_ns):
-            self._monitor.restart(grid)
+        newest = self._monitor.newest
+        if not newest or newest[-1].grid != frame.grid:
+            self._begin(frame.grid)
+        elif newest[-1].stamp_ns >= frame.stamp_ns:
+            self._monitor.restart(frame.grid)
         self._monitor.take(frame)
         assert self._detector is not None
         detections = self._detector.update(frame)
@@ -123,12 +121,10 @@ class Watch:
             trouble=self._trouble(then, now),
             rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
             frames=now.frames,
-            lost=self._monitor.lost if self._monitor else 0,
-            damaged=received.damaged,
+            lost=self._monitor.lost,
+            damaged=received.unread,
         )
-        if self._monitor is None or self._detector is None:
-            return snapshot
-        return self._with_zones(snapshot, self._monitor, self._detector, now_ns)
+        return self._with_zones(snapshot, self._detector, now_ns) if self._detector else snapshot
 
     def _trouble(self, then: _Tally, now: _Tally) -> str:
         """Return what is wrong since `then`."""
@@ -139,22 +135,16 @@ class Watch:
             return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
-        if self._monitor is None:
-            return ''
         hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)
         return str(hint or '')
 
     def _with_zones(
-        self,
-        snapshot: Snapshot,
-        monitor: FrameMonitor,
-        detector: LikelihoodDetector,
-        now_ns: int,
+        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
     ) -> Snapshot:
         """Add zones, bits and readings."""
-        newest = monitor.newest[-1]
+        newest = self._monitor.newest[-1]
         since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
-        recent = [frame for frame in monitor.newest if frame.stamp_ns > since_ns]
+        recent = [frame for frame in self._monitor.newest if frame.stamp_ns > since_ns]
         if len(recent) < 2:
             return snapshot
         samples = Samples.of(Recording.of(recent))

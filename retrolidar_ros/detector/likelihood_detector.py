@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
-from retrolidar_ros.detector.placement import Placer, core_sensor
+from retrolidar_ros.detector.placement import core_sensor, placed
 from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
@@ -116,7 +116,7 @@ class LikelihoodDetector:
         if core == ffi.NULL:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
-        self._placer = Placer(self._core, self._grid, sensor)
+        self._sensor = sensor
         self._tracker: Tracker | None = None
 
     def follow(self, frame: Frame) -> list[Track]:
@@ -198,7 +198,7 @@ class LikelihoodDetector:
         for index in range(lib.rl_detector_readings(self._core)):
             number = lib.rl_detector_reading(self._core, index).id
             size_m = self._sizes_m.get(number, MARKER_SIZE_M)
-            detection = self._placer.place(index, held.origin_ns, size_m)
+            detection = placed(self._core, index, size_m, self._grid, self._sensor)
             if detection is None:
                 self._unplaced += 1
             else:

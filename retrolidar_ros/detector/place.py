@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -41,6 +42,11 @@ class Place:
     """Radial distance."""
     range_stddev_m: float
 
+    @property
+    def stddev_m(self) -> float:
+        """Deviation of the position along the axis in which it is largest."""
+        return largest_stddev(self.covariance[:3, :3])
+
 
 def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
     """Return the pose of a marker, with the variance of what is not measured.
@@ -63,3 +69,10 @@ def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
         range_m=range_m,
         range_stddev_m=range_stddev_m,
     )
+
+
+def largest_stddev(covariance: Floats) -> float:
+    """Return the largest deviation along any axis of a covariance; infinite if it is no number."""
+    if not np.isfinite(covariance).all():
+        return math.inf
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))

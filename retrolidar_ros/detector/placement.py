@@ -41,46 +41,39 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
     return ffi.new('struct rl_sensor *', fields)
 
 
-class Placer:
-    """Places readings of a core."""
+def placed(
+    core: Any, index: int, size_m: float, grid: ZoneGrid, sensor: SensorModel
+) -> Detection | None:
+    """Return a reading of a core's newest frame; None where no distance was measured.
 
-    def __init__(self, core: Any, grid: ZoneGrid, sensor: SensorModel) -> None:
-        """Prepare for frames of `grid`, the zones of a sensor."""
-        self._core = core
-        self._grid = grid
-        # No residual is below the quantisation noise.
-        self._least_amplitude = sensor.signal_step / math.sqrt(12)
-        self._placement = ffi.new('struct rl_placement *')
-
-    def place(self, index: int, origin_ns: int, size_m: float) -> Detection | None:
-        """Return a reading of the newest frame; None where no distance was measured.
-
-        The core's times count from `origin_ns`; the marker has edges of `size_m`.
-        """
-        reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(self._core, index))
-        placed, pitch = self._placement, self._grid.pitch
-        if not lib.rl_place(self._core, reading, size_m, placed):
-            return None
-        zones = tuple(placed.zone[0 : placed.zones])
-        seen = placed.bearing
-        bearing = Bearing(
-            self._grid.tangents[zones[0]] + pitch * np.array(list(seen.mean)),
-            pitch**2 * np.array(list(seen.variance)),
-        )
-        return Detection(
-            id=reading.id,
-            stamp_ns=origin_ns + round(placed.time_s * 1e9),
-            start_ns=origin_ns + round(reading.start_s * 1e9),
-            end_ns=placed.end_ns,
-            place=place(bearing, placed.range_m, math.sqrt(placed.range_variance)),
-            snr_db=20
-            * math.log10(max(placed.amplitude, self._least_amplitude) / math.sqrt(placed.noise)),
-            evidence=reading.evidence,
-            decision_margin=reading.margin,
-            bit_period_s=reading.bit_s,
-            score=placed.score,
-            likelihood=placed.likelihood,
-            corrected_bits=placed.corrected_bits,
-            packets=reading.packets,
-            zones=zones,
-        )
+    The marker has edges of `size_m`.
+    """
+    reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(core, index))
+    where = ffi.new('struct rl_placement *')
+    if not lib.rl_place(core, reading, size_m, where):
+        return None
+    origin_ns = lib.rl_detector_held(core).origin_ns
+    zones = tuple(where.zone[0 : where.zones])
+    seen, pitch = where.bearing, grid.pitch
+    bearing = Bearing(
+        grid.tangents[zones[0]] + pitch * np.array(list(seen.mean)),
+        pitch**2 * np.array(list(seen.variance)),
+    )
+    # No residual is below the quantisation noise.
+    amplitude = max(where.amplitude, sensor.signal_step / math.sqrt(12))
+    return Detection(
+        id=reading.id,
+        stamp_ns=origin_ns + round(where.time_s * 1e9),
+        start_ns=origin_ns + round(reading.start_s * 1e9),
+        end_ns=where.end_ns,
+        place=place(bearing, where.range_m, math.sqrt(where.range_variance)),
+        snr_db=20 * math.log10(amplitude / math.sqrt(where.noise)),
+        evidence=reading.evidence,
+        decision_margin=reading.margin,
+        bit_period_s=reading.bit_s,
+        score=where.score,
+        likelihood=where.likelihood,
+        corrected_bits=where.corrected_bits,
+        packets=reading.packets,
+        zones=zones,
+    )

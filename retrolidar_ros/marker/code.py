@@ -61,21 +61,10 @@ def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
     return numbers.astype(np.int64)
 
 
-def encode(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the Golay codewords of marker IDs of shape (...), as bits of shape (..., 24).
-
-    The first twelve bits are the ID itself.
-
-    Raises
-    ------
-    ValueError
-        If an ID is no integer or outside 0..4095.
-    """
-    return WORDS[check_ids(ids)]
-
-
 def packet(ids: ArrayLike) -> NDArray[np.uint8]:
     """Return preamble and codeword of marker IDs of shape (...), as bits of shape (..., 31).
+
+    The first twelve bits of the codeword are the ID itself.
 
     Raises
     ------

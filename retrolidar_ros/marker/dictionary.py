@@ -42,11 +42,7 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
     """Return the distances of IDs, shape (n,), to each other and, on the diagonal, to themselves.
 
     They are in bits, shape (n, n). An ID that occurs twice is at distance 0 of its double.
-
-    Raises
-    ------
-    ValueError
-        If there is no ID, or one is no integer or outside 0..4095.
+    ValueError if there is no ID, or an impossible one.
     """
     # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
     # integers below 2^24 are exact in float32, so is the product.
@@ -125,8 +121,7 @@ def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[
     """Return the pairs of a set of IDs that are nearer than `min_distance`, nearest first.
 
     An ID that is near its own shifts is paired with itself, and so, at distance and shift 0, is one
-    that occurs more than once. IDs and their errors are as of `distances`, those of the distance,
-    1..31 bits, as of `choose_ids`.
+    that occurs more than once. Errors are as of `distances` and `choose_ids`.
     """
     _check_distance(min_distance)
     unique, occurrences = np.unique(_listed(ids), return_counts=True)

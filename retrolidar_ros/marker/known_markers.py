@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.section import (
     ConfigError,
     Section,
@@ -73,11 +76,7 @@ def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
 def parse_markers(content: object) -> dict[int, KnownMarker]:
     """Return the markers that nested mappings describe, as read from a YAML file.
 
-    Raises
-    ------
-    ConfigError
-        For an impossible ID, a frame of two markers, an unknown key or a missing unit; the message
-        names the key.
+    ConfigError for an impossible ID, a frame of two markers, or what `mapping` refuses.
     """
     section = Section(content)
     known = section.take('markers', _markers)
@@ -112,23 +111,15 @@ def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
     return mapping(KnownMarker, id=identity)(value, f'{path}.{identity}')
 
 
-def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, tuple[float, ...]]]:
-    """Return the markers of each object that has some, with their places on it [m]."""
-    objects: dict[str, dict[int, tuple[float, ...]]] = {}
+def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, Floats]]:
+    """Return the markers of each object that has some, with their places on it, shape (3,) [m]."""
+    objects: dict[str, dict[int, Floats]] = {}
     for marker in known.values():
         if marker.object:
-            objects.setdefault(marker.object, {})[marker.id] = marker.place_m
+            objects.setdefault(marker.object, {})[marker.id] = np.array(marker.place_m)
     return objects
 
 
 def load_markers(path: Path) -> dict[int, KnownMarker]:
-    """Return the markers that a marker file names, by their IDs.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ConfigError
-        If a marker is impossible, or occurs twice; the message names the file and the key.
-    """
+    """Return the markers that a marker file names, by their IDs; errors as of `load_parsed`."""
     return load_parsed(path, parse_markers)

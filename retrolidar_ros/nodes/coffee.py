@@ -8,7 +8,6 @@ import re
 from itertools import combinations
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool, Header, String
 
@@ -24,7 +23,7 @@ from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
-from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
@@ -70,16 +69,15 @@ class CoffeeNode(Node):
         }
         DiagnosticsPublisher(self).register_health_check(self, 'objects', self._examine)
         self._readings: DetectionSubscriber
-        source = values['source']
         if self._target:
             # In a fixed frame readings from several places accumulate.
             self._readings = TransformedDetections(
-                self, source, self._target, _PATIENCE_S, self._on_reading, self._restart
+                self, self._target, _PATIENCE_S, self._on_reading, self._restart
             )
         else:
-            self._readings = DetectionSubscriber(self, source, self._on_detection)
+            self._readings = DetectionSubscriber(self, values['source'], self._on_detection)
         parameters.warn_of_misspelled()
-        self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:
         if values['min_height'] > values['max_height']:
@@ -173,8 +171,3 @@ class CoffeeNode(Node):
             problems.append((WARN, f'{len(missing)} of {len(values)} objects missing'))
         fine = f'{len(values)} objects placed'
         return Health(self._readings.examine(values) + problems, values, fine)
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(CoffeeNode)

@@ -102,10 +102,7 @@ def to_frame_msg(frame: Frame, frame_id: str) -> FrameMsg:
 def from_frame_msg(message: FrameMsg) -> Frame:
     """Return the frame of a message.
 
-    Raises
-    ------
-    ValueError
-        If the zones are not of a shape that the sensor has, or an array has another length.
+    ValueError if its zones are not of a shape that the sensor has, or an array has another length.
     """
     frame = Frame(
         stamp_ns=to_ns(message.header.stamp),

@@ -22,7 +22,6 @@ from retrolidar_ros.nodes.detector_topics import NAME, DetectorTopics
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
-from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
@@ -164,8 +163,3 @@ def _check_child_frame(values: dict[str, Any]) -> None:
     values['child_frame'] = check_frame_id('child_frame', child_frame)
     if child_frame.count(NAME) != 1:
         raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(DetectorNode)

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+
+from retrolidar_ros.nodes.run import repeat
 
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
@@ -41,8 +42,7 @@ class DiagnosticsPublisher:
         self._node = node
         self._subjects: list[tuple[str, HealthCheck]] = []
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # Of the steady clock: a paused replay, or a clock change, must not stop diagnostics.
-        node.create_timer(PERIOD_S, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(node, PERIOD_S, self._publish)
 
     def register_health_check(self, node: Node, subject: str, check: HealthCheck) -> None:
         """Publish the result of `check`, too."""

@@ -18,7 +18,6 @@ from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.sensor_services import offer_services
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame
@@ -215,8 +214,3 @@ class DriverNode(LifecycleNode):
         if self._watch is not None and (silent := self._watch.problem()):
             health.problems.append((WARN, silent))
         return health
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(DriverNode)

@@ -15,7 +15,8 @@ from retrolidar_ros.nodes.diagnostics import ERROR, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
 from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
-from retrolidar_ros.sensor.serial_source import Received, SerialSource
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.wire import WireCounts
 
 # Share of abnormal zones above which the sensor or its window is faulty: looking
 # into a room, a quarter of them is usual.
@@ -45,7 +46,7 @@ class DriverTally:
     def __init__(self) -> None:
         """Begin at zero."""
         self._counts = self._then = _Counts()
-        self._received, self._examined_s = Received(), time.monotonic()
+        self._received, self._examined_s = WireCounts(), time.monotonic()
         self._last_sequence: int | None = None
 
     def count(self, frame: Frame, latency_ns: int) -> None:

@@ -8,7 +8,6 @@ import time
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from std_msgs.msg import Header, String
@@ -19,7 +18,7 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
-from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import rotation_of
@@ -66,7 +65,7 @@ class EmulatedArmNode(Node):
         self._frames = self.create_subscription(
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
-        self.create_timer(_PERIOD_S, self._send_pose, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(self, _PERIOD_S, self._send_pose)
         parameters.warn_of_misspelled()
 
     def _on_frame(self, message: FrameMsg) -> None:
@@ -105,8 +104,3 @@ class EmulatedArmNode(Node):
         header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
         pose = to_pose(IN_BASE @ position_m[0], orientation)
         self._broadcaster.sendTransform([to_transform(header, self._sensor, pose)])
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(EmulatedArmNode)

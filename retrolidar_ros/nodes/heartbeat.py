@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
@@ -14,7 +13,7 @@ from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched
-from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.tasks.heartbeat import Heartbeat
 
 _TICK_S = 0.02
@@ -41,7 +40,7 @@ class HeartbeatNode(Node):
         source = parameters.values['source']
         self._detections = DetectionSubscriber(self, source, self._on_detection)
         parameters.warn_of_misspelled()
-        self.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:
         self._overdue_after_s = values['overdue_after']
@@ -99,8 +98,3 @@ def _unseen_s(message: Marked) -> float:
     if isinstance(message, MarkerTrack):
         return max(1e-9 * (to_ns(message.header.stamp) - to_ns(message.last)), 0.0)
     return 0.0
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(HeartbeatNode)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
@@ -23,7 +22,7 @@ from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
-from retrolidar_ros.nodes.run import run
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.backlog import Backlog, Batch
@@ -48,15 +47,10 @@ class LandmarksNode(Node):
         super().__init__('landmarks')
         parameters = Parameters(self, 'landmarks')
         self._values = values = parameters.values
-        if values['source'] == 'tracks' and 'markers' in values['topics']:
-            raise ValueError('topics: markers are detections; name topics of tracks, or no source')
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
-        objects: dict[str, dict[int, Floats]] = {
-            name: {marker: np.array(place) for marker, place in places.items()}
-            for name, places in objects_of(markers).items()
-        }
-        self._names = {marker.id: marker.frame for marker in markers.values()}
+        objects = objects_of(markers)
+        self._names = {marker.id: marker.object or marker.frame for marker in markers.values()}
         errors = Errors(
             range_bias_m=values['range_bias'],
             pose_m=values['pose_stddev'],
@@ -90,7 +84,6 @@ class LandmarksNode(Node):
         DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
             self,
-            values['source'],
             self._fixed,
             values['patience'],
             self._on_reading,
@@ -107,9 +100,8 @@ class LandmarksNode(Node):
         parameters.warn_of_misspelled()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_TICK_S, self._solve, clock=steady)
-        self.create_timer(_TOPICS_S, self._tend_topics, clock=steady)
+        repeat(self, _TICK_S, self._solve)
+        repeat(self, _TOPICS_S, self._tend_topics)
 
     def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
         if not path:
@@ -126,7 +118,6 @@ class LandmarksNode(Node):
             # Each of several sensors may have a name of its own for a marker.
             own = message.child_frame_id.removeprefix(self._values['frame_prefix'])
             name = self._names.get(reading.marker, own)
-            name = self._survey.owner_of(reading.marker, name)
         elif not self._room.has(reading.marker):
             return
         self._backlog.add(name, reading, time.monotonic())
@@ -238,8 +229,3 @@ class LandmarksNode(Node):
         if not rows:
             problems.append((WARN, 'nothing is placed yet'))
         return Health(problems, values, f'{len(rows)} placed')
-
-
-def main() -> int:
-    """Run the node; return the exit code of the process."""
-    return run(LandmarksNode)

@@ -18,7 +18,6 @@ from retrolidar_ros.nodes.diagnostics import DiagnosticsPublisher
 from retrolidar_ros.nodes.driver import DriverNode
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import topic_part
-from retrolidar_ros.nodes.run import run
 from retrolidar_ros.nodes.transforms import TransformSender
 
 
@@ -59,8 +58,3 @@ def _options(namespace: str, **parameters: str) -> dict[str, Any]:
         'cli_args': ['--ros-args', '-r', f'__ns:={namespace}'],
         'parameter_overrides': [Parameter(key, value=one) for key, one in parameters.items()],
     }
-
-
-def main() -> int:
-    """Run the process; return its exit code."""
-    return run(create_nodes)

@@ -12,6 +12,7 @@ from contextlib import suppress
 from threading import Event, Thread
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -57,6 +58,11 @@ def run(create: Callable[[], Node | list[Node]]) -> int:
         rclpy.try_shutdown()
         ignore_requests()  # as the interpreter, when it ends, brings back their default
     return int(any(getattr(node, 'failed', False) for node in nodes))
+
+
+def repeat(node: Node, period_s: float, callback: Callable[[], None]) -> None:
+    """Call something regularly by the steady clock, whatever a replay does to ROS time."""
+    node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _signals() -> int:

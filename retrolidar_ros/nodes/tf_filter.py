@@ -7,19 +7,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
-from retrolidar_ros.msg import MarkerTrack
-from retrolidar_ros.nodes.conversion import Marked, covariance_of, to_ns, vector_of
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import covariance_of, vector_of
 from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
 from retrolidar_ros.nodes.diagnostics import WARN
+from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
-from retrolidar_ros.tasks.resting import NEW, Resting
 
 _TICK_S = 0.1
 _MAX_WAITING = 1000
@@ -33,31 +31,29 @@ class TransformedDetections(DetectionSubscriber):
     def __init__(
         self,
         node: Node,
-        source: str,
         fixed_frame: str,
         patience_s: float,
-        on_reading: Callable[[Reading, Marked], None],
+        on_reading: Callable[[Reading, MarkerDetection], None],
         restart: Callable[[], None],
         topics: Sequence[str] = (),
     ) -> None:
-        """Subscribe to topics of a source, detections or tracks; by default to its usual one.
+        """Subscribe to topics of detections, by default to `markers`.
 
         `on_reading` gets each reading, and its detection, if its transform comes within
         `patience_s` [s], and may refuse it by a ValueError; `restart` is called when time jumps
         back, as in a replay.
         """
-        super().__init__(node, source, self._on_detection, topics)
+        super().__init__(node, 'detections', self._on_detection, topics)
         self.finder = TransformFinder(node)
         self._fixed = fixed_frame
         self._patience_s = patience_s
         self._on_reading = on_reading
         self._restart = restart
         self._ticked = node.get_clock().now()
-        self._waiting: deque[tuple[Marked, Time]] = deque()
-        self._resting = Resting()
+        self._waiting: deque[tuple[MarkerDetection, Time]] = deque()
         self._dropped = self._dropped_before = 0
         self._missing = ''
-        node.create_timer(_TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        repeat(node, _TICK_S, self._tick)
 
     def examine(self, values: dict[str, str]) -> list[tuple[bytes, str]]:
         """Add counts to diagnostics; return the problems since the last call."""
@@ -69,17 +65,8 @@ class TransformedDetections(DetectionSubscriber):
             problems.append((WARN, f'{new} detections dropped: {self._missing}'))
         return problems
 
-    def _is_due(self, message: MarkerTrack) -> bool:
-        """Return whether a track is to be taken as a reading."""
-        key = (message.header.frame_id, message.child_frame_id)
-        stamp_s, first_s = 1e-9 * to_ns(message.header.stamp), 1e-9 * to_ns(message.first)
-        speed = float(np.linalg.norm(vector_of(message.twist.twist.linear)))
-        return self._resting.is_due(key, stamp_s, first_s, speed)
-
-    def _on_detection(self, message: Marked) -> None:
+    def _on_detection(self, message: MarkerDetection) -> None:
         self._check_clock()
-        if isinstance(message, MarkerTrack) and not self._is_due(message):
-            return
         if self._transform(message):
             return
         self._waiting.append((message, self._ticked))
@@ -107,7 +94,7 @@ class TransformedDetections(DetectionSubscriber):
             else:
                 self._drop(message)
 
-    def _transform(self, message: Marked) -> bool:
+    def _transform(self, message: MarkerDetection) -> bool:
         """Pass a detection on; return False if its transform is not known yet."""
         sensor, stamp = message.header.frame_id, Time.from_msg(message.header.stamp)
         found = self.finder.find(self._fixed, sensor, stamp)
@@ -119,7 +106,7 @@ class TransformedDetections(DetectionSubscriber):
                 sensor,
                 stamp.nanoseconds * 1e-9,
                 message.range,
-                message.range_stddev * (NEW if isinstance(message, MarkerTrack) else 1.0),
+                message.range_stddev,
                 vector_of(message.pose.pose.position),
                 covariance_of(message.pose)[:3, :3],
                 SensorPose(*found),
@@ -129,7 +116,7 @@ class TransformedDetections(DetectionSubscriber):
             self.refuse(str(error))
         return True
 
-    def _drop(self, message: Marked) -> None:
+    def _drop(self, message: MarkerDetection) -> None:
         self._dropped += 1
         self._missing = f'no transform from {message.header.frame_id} to {self._fixed}'
         self._node.get_logger().warning(

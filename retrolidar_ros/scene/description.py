@@ -279,9 +279,6 @@ class Scene:
 def parse_scene(content: object) -> Scene:
     """Return the scene that nested mappings and lists describe, as read from a YAML file.
 
-    Raises
-    ------
-    ConfigError
-        For an unknown key, a missing unit or an impossible value; it names the key.
+    ConfigError for what `mapping` refuses.
     """
     return mapping(Scene, _check_scene)(content, '')

@@ -19,10 +19,7 @@ def scene_names() -> list[str]:
 def find_scene(name: str) -> Path:
     """Return the file of a scene: a path, or the name of one that ships with the package.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is neither; the message lists the names there are.
+    FileNotFoundError if there is neither; it lists the names there are.
     """
     if Path(name).is_file():
         return Path(name)
@@ -34,13 +31,5 @@ def find_scene(name: str) -> Path:
 
 
 def load_scene(name: str) -> Scene:
-    """Return a scene by the path of its file, or by name if it ships with the package.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such scene.
-    ConfigError
-        If the scene cannot be; the message names the file and the key.
-    """
+    """Return a scene by path or name; errors as of `find_scene` and `load_parsed`."""
     return load_parsed(find_scene(name), parse_scene)

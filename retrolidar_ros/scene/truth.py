@@ -4,14 +4,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.place import Place
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
@@ -96,7 +94,7 @@ def judge(
                 range_m=float(ranges.mean()) if own else np.nan,
                 error_m=max(errors, key=abs, default=np.nan),
                 place_error_m=np.nan if worst is None else float(np.linalg.norm(off[worst])),
-                place_stddev_m=np.nan if worst is None else _worst_stddev(places[worst]),
+                place_stddev_m=np.nan if worst is None else places[worst].stddev_m,
                 is_placed=all(
                     vector @ np.linalg.solve(one.covariance[:3, :3], vector) < RARE
                     for one, vector in zip(places, off, strict=True)
@@ -107,11 +105,6 @@ def judge(
             )
         )
     return outcomes
-
-
-def _worst_stddev(place: Place) -> float:
-    """Return the standard deviation along the worst axis [m]."""
-    return math.sqrt(float(np.linalg.eigvalsh(place.covariance[:3, :3])[-1]))
 
 
 def table(outcomes: Sequence[Outcome]) -> str:

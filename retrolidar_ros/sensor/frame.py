@@ -162,10 +162,7 @@ class Recording:
     def of(cls, frames: list[Frame]) -> Recording:
         """Stack frames.
 
-        Raises
-        ------
-        ValueError
-            If there are none, or their zone grids differ.
+        ValueError if there are none, or their zone grids differ.
         """
         if not frames:
             raise ValueError('a recording needs at least one frame')

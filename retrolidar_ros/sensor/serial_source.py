@@ -11,16 +11,17 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
-from typing import NamedTuple
 
 import serial
 
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import Identity
 from retrolidar_ros.sensor.protocols import Reader
+from retrolidar_ros.sensor.wire import WireCounts
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
@@ -49,29 +50,6 @@ def _remedy(port: str) -> str:
     return f'it belongs to the group {group}: sudo usermod -aG {group} $USER, and log in again'
 
 
-class Received(NamedTuple):
-    """What has come from a port so far."""
-
-    bytes: int = 0
-    damaged: int = 0
-    """Packets that hold no frame."""
-    withheld: int = 0
-    """Frames without signal."""
-
-    def silence(self, then: Received) -> str:
-        """Return why no frames have come since `then`."""
-        if self.withheld > then.withheld:
-            return (
-                'frames come without signal and ambient light, although the key s, which switches '
-                'them on, was sent: press it in a terminal, or restart the board'
-            )
-        if self.damaged > then.damaged:
-            return 'no frames come, but damaged packets: another baud rate or protocol?'
-        if count := self.bytes - then.bytes:
-            return f'no frames come, but {count} bytes: another baud rate or protocol?'
-        return 'nothing comes: is the sensor started, and the baud rate right?'
-
-
 class SerialSource:
     """Reads frames from a port, and opens it again whenever that is needed."""
 
@@ -87,13 +65,11 @@ class SerialSource:
         self.problem = f'{port} has not been opened yet'
         """Why the port is not open; empty while it is."""
         self.openings = 0
-        self._bytes = 0
 
     @property
-    def received(self) -> Received:
-        """What has come so far."""
-        counts = self.reader.counts
-        return Received(self._bytes, counts.damaged + counts.unknown_kind, counts.withheld)
+    def received(self) -> WireCounts:
+        """What has come so far, a copy."""
+        return replace(self.reader.counts)
 
     @property
     def identity(self) -> Identity | None:
@@ -176,7 +152,7 @@ class SerialSource:
                 if not data:
                     raise OSError(errno.EIO, 'the port has nothing to read')
             arrival_ns = self._now_ns()
-            self._bytes += len(data)
+            self.reader.counts.bytes += len(data)
             if frames := self.reader.feed(data):
                 take(frames, arrival_ns)
             if (who := self.identity) is not None and who is not reported:

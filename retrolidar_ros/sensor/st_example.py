@@ -68,46 +68,33 @@ class _Table:
     def __init__(self) -> None:
         """Start before its title."""
         self.has_title = False
-        self.has_light = False
-        self._rows: list[list[list[_Cell]]] = []
-        """Of each row its lines of cells."""
+        self._has_light = False
+        self._lines: list[list[str]] = []
+        """Cells of ranging, and of light after each if there is any."""
 
     def take(self, line: str) -> bool:
-        """Take a line; return whether it completes the table.
-
-        Raises
-        ------
-        ValueError
-            If it cannot follow the lines before it.
-        """
+        """Take a line; return whether it completes the table; ValueError if it is none of it."""
         line = line.strip()
         if not line.startswith('|'):
             self.has_title |= _TABLE_TITLE in line
-            self.has_light |= _LIGHT_TITLE in line
+            self._has_light |= _LIGHT_TITLE in line
             return False
-        row_is_whole = not self._rows or len(self._rows[-1]) == 1 + self.has_light
         cells = line[1:-1].split('|')
         if not ''.join(cells).strip():  # above each row there is a line of empty cells
-            if not row_is_whole:
-                raise ValueError('a row ends before its last line')
-            self._rows.append([])
             return False
-        if row_is_whole:
-            raise ValueError('a line of cells is in no row')
-        columns = len(cells)
-        if (columns, columns) not in VL53L8CX.shapes or not line.endswith('|'):
-            raise ValueError(f'a line of {columns} cells')
-        row = self._rows[-1]
-        row.append([(_light if row else _ranging)(cell) for cell in cells])
-        if len(self._rows[0][0]) != columns:
-            raise ValueError(f'lines of {len(self._rows[0][0])} and {columns} cells')
-        return len(self._rows) == columns and len(row) == 1 + self.has_light
+        self._lines.append(cells)
+        columns = len(self._lines[0])
+        if (columns, len(cells)) not in VL53L8CX.shapes or not line.endswith('|'):
+            raise ValueError(f'a line of {len(cells)} cells')
+        return len(self._lines) == columns * (1 + self._has_light)
 
-    def frame(self, sequence: int, now_us: int) -> Frame:
-        """Return the frame of a complete table with light."""
-        side = len(self._rows)
-        lines = np.array(self._rows, dtype=np.float64)  # rows, lines, columns, two values
-        ranging, light = lines[:, 0].reshape(-1, 2), lines[:, 1].reshape(-1, 2)
+    def frame(self, sequence: int, now_us: int) -> Frame | None:
+        """Return the frame of a complete table, None without light; ValueError for a wrong cell."""
+        side, step = len(self._lines[0]), 1 + self._has_light
+        ranging = np.array([_ranging(cell) for line in self._lines[::step] for cell in line])
+        if not self._has_light:
+            return None
+        light = np.array([_light(cell) for line in self._lines[1::step] for cell in line])
         return Frame(
             stamp_ns=now_us * 1000,
             sequence=sequence,
@@ -185,17 +172,17 @@ class StExampleReader:
         try:
             if not self._table.take(line):
                 return None
+            frame = self._table.frame(self.counts.frames % 2**32, self._now_ns() // 1000)
         except ValueError:
             self.counts.bad_shape += 1
             self._table = None
             return None
-        table, self._table = self._table, None
-        if not table.has_light:
+        self._table = None
+        if frame is None:
             self._is_light_wanted |= self._dark_frames % PATIENCE_FRAMES == 0
             self._dark_frames += 1
             self.counts.withheld += 1
             return None
         self._is_light_wanted, self._dark_frames = False, 0
-        frame = table.frame(self.counts.frames % 2**32, self._now_ns() // 1000)
         self.counts.frames += 1
         return frame

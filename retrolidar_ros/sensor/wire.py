@@ -49,10 +49,7 @@ def cobs_encode(data: bytes) -> bytes:
 def cobs_decode(encoded: bytes) -> bytes:
     """Undo `cobs_encode`.
 
-    Raises
-    ------
-    ValueError
-        If there is a zero, or a length byte points beyond the end.
+    ValueError if there is a zero, or a length byte points beyond the end.
     """
     data = ffi.new('uint8_t[]', len(encoded) + 1)
     written = lib.rl_cobs_decode(encoded, len(encoded), data)
@@ -138,8 +135,9 @@ def _decode_frame(content: bytes) -> Frame:
 
 @dataclass
 class WireCounts:
-    """Packets by outcome so far; of text, frames and lines."""
+    """What has come so far: packets by outcome; of text, frames and lines."""
 
+    bytes: int = 0
     frames: int = 0
     bad_framing: int = 0
     """Not valid COBS; a line that is no text."""
@@ -156,6 +154,24 @@ class WireCounts:
     def damaged(self) -> int:
         """Packets lost to damage on the line."""
         return self.bad_framing + self.bad_crc + self.bad_shape + self.overlong
+
+    @property
+    def unread(self) -> int:
+        """Packets without a frame for any reason."""
+        return self.damaged + self.unknown_kind
+
+    def silence(self, then: WireCounts) -> str:
+        """Return why no frames have come since `then`."""
+        if self.withheld > then.withheld:
+            return (
+                'frames come without signal and ambient light, although the key s, which switches '
+                'them on, was sent: press it in a terminal, or restart the board'
+            )
+        if self.unread > then.unread:
+            return 'no frames come, but damaged packets: another baud rate or protocol?'
+        if count := self.bytes - then.bytes:
+            return f'no frames come, but {count} bytes: another baud rate or protocol?'
+        return 'nothing comes: is the sensor started, and the baud rate right?'
 
 
 class Splitter:

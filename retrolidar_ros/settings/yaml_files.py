@@ -84,12 +84,7 @@ def yaml_text(content: object) -> str:
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
     """Return the parsed content of a YAML file.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ConfigError
-        If the content is impossible; the message names the file and the key.
+    Errors are those of `load_yaml`; a ConfigError names the file, too.
     """
     try:
         return parse(load_yaml(path))

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Fit, Prior, largest_stddev
+from retrolidar_ros.tasks.state import Fit, Prior
 
 # Gating: a reading with a residual beyond so many standard deviations is an outlier.
 _GATE = 4.5

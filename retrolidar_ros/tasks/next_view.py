@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Reading, SensorPose
-from retrolidar_ros.tasks.state import largest_stddev
 
 _DIRECTIONS = np.array([one for one in itertools.product((-1, 0, 1), repeat=3) if any(one)], float)
 _NEAREST_M = 0.3

@@ -8,10 +8,8 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
+from retrolidar_ros.detector.place import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.state import largest_stddev
 
 
 class Sighting(NamedTuple):
@@ -49,11 +47,9 @@ class ObjectBoard:
     ) -> bool:
         """Take a sighting of an object; return whether it is used.
 
-        It is not if a newer one is known, or if the position is not finite. The position in the
-        frame is of shape (3,) [m], its covariance of shape (3, 3) [m²].
+        It is not if a newer one is known. The position in the frame is of shape (3,) [m], its
+        covariance of shape (3, 3) [m²].
         """
-        if not np.isfinite(position_m).all():
-            return False
         known = self._sightings.get(name)
         # Much older ones are of a clock that was set back, or of a bag played again.
         if known is not None and 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:

@@ -64,7 +64,7 @@ def reading(
     covariance: Floats,
     pose: SensorPose,
 ) -> Reading:
-    """Return a detection as a reading.
+    """Return a possible detection as a reading; ValueError for a pose that is none.
 
     Parameters
     ----------
@@ -74,20 +74,11 @@ def reading(
         Of that [m²]; what is across the direction counts, the box of a zone.
     others
         As in `Reading`.
-
-    Raises
-    ------
-    ValueError
-        For a value that is not a number, a range or a deviation that is not above 0, or a pose that
-        is none.
     """
-    values = np.concatenate([position_m, covariance.ravel(), [stamp_s, range_m, range_stddev_m]])
-    length_m = float(np.linalg.norm(position_m))
-    if not np.isfinite(values).all() or min(range_m, range_stddev_m, length_m) <= 0:
-        raise ValueError(f'marker {marker}: a range of {range_m} ± {range_stddev_m} m cannot be')
     off = float(np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max())
     if not (off < _UNIT and np.abs(pose.position_m).max() < _MAX_AWAY_M):  # nor NaN
         raise ValueError(f'the transform of the sensor is no pose: {sensor}')
+    length_m = float(np.linalg.norm(position_m))
     direction = position_m / length_m
     axes = axes_of(direction)
     variance = ((axes @ covariance) * axes).sum(axis=1) / length_m**2

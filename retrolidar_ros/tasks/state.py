@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,13 +47,6 @@ class Fit:
 
     Of a direction, what is beyond its box.
     """
-
-
-def largest_stddev(covariance: Floats) -> float:
-    """Return the largest deviation along any axis of a covariance; infinite if it is no number."""
-    if not np.isfinite(covariance).all():
-        return math.inf
-    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
 
 
 def between(one: State, other: State) -> Floats:

@@ -42,12 +42,7 @@ class Survey:
         self._objects = objects
         self._errors = errors
         self._known = known or {}
-        self._owners = {one: name for name, markers in objects.items() for one in markers}
         self.restart()
-
-    def owner_of(self, marker: int, name: str) -> str:
-        """Return the landmark of a marker that goes by a name if it is no part of an object."""
-        return self._owners.get(marker, name)
 
     def take(self, name: str, *readings: Reading) -> Landmark:
         """Take readings of one landmark, and return that.

@@ -24,15 +24,7 @@ _MAX_NAMED = 5
 
 
 def load_survey(path: Path) -> tuple[str, dict[str, Prior]]:
-    """Return the fixed frame and the landmarks of a file.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is not a map; the message names the file and the key.
-    """
+    """Return the fixed frame and the landmarks of a file; errors as of `load_parsed`."""
     return load_parsed(path, parse_survey)
 
 
@@ -135,13 +127,7 @@ def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
 
 
 def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
-    """Return the fixed frame and the landmarks that `survey_content` wrote.
-
-    Raises
-    ------
-    ConfigError
-        If numbers are missing or impossible; it names the key.
-    """
+    """Return what `survey_content` wrote; ConfigError if numbers are missing or impossible."""
     section = Section(content)
     frame = section.take('frame', text)
     known = section.take('landmarks', _priors)

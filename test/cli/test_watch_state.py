@@ -146,7 +146,7 @@ def test_trouble_is_reported_with_what_may_be_the_reason() -> None:
     state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     nothing = 'nothing comes: is the sensor started, and the baud rate right? (3 s)'
     assert state.snapshot().trouble == nothing
-    source._bytes += 14
+    reader.counts.bytes += 14
     assert 'but 14 bytes: another baud rate or protocol?' in state.snapshot().trouble
     reader.counts.withheld += 1
     assert 'frames come without signal' in state.snapshot().trouble

@@ -17,6 +17,7 @@ import pytest
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import Sent, record
+from evaluation.bench.reference_scene import walls
 from evaluation.bench.stresses import PANELS, PLAIN, STRESSES, Stress
 from evaluation.experiments.paper_sweeps import lone, repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
@@ -25,7 +26,7 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.marker_budget import needed_swing
-from retrolidar_ros.scene.reference import RESPONSE, SENSOR, walls
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR
 from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Recording
 

@@ -125,4 +125,5 @@ def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:
 def test_the_markers_of_an_object_have_places_on_it() -> None:
     tray = {'object': 'tray', 'place': ['10 cm', '-5 mm', '0 m']}
     known = parse_markers({'markers': {5: tray, 6: {}}})
-    assert objects_of(known) == {'tray': {5: (0.1, -0.005, 0.0)}}
+    assert {name: [*places] for name, places in objects_of(known).items()} == {'tray': [5]}
+    assert objects_of(known)['tray'][5].tolist() == [0.1, -0.005, 0.0]

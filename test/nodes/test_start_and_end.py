@@ -27,14 +27,16 @@ FILES = {
 START = """
 import os, sys
 from importlib import import_module
-mains = {name: import_module(f'retrolidar_ros.nodes.{name}').main for name in sys.argv[1:]}
+for name in sys.argv[1:]:
+    import_module(f'retrolidar_ros.nodes.{name}')
 for line in sys.stdin:
     node, log, *arguments = line.split()
     if not (child := os.fork()):
         for stream in (1, 2):
             os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)
         sys.argv = [node, '--ros-args', *arguments]
-        sys.exit(mains[node]())
+        with open(node) as program:
+            exec(program.read())
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
 
@@ -55,7 +57,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         def refuse(node: str, *arguments: str) -> list[str]:
             log = directory / f'{next(count)}.log'
             given = [one.replace('{}', str(directory)) for one in arguments]
-            print(node, log, *given, file=process.stdin, flush=True)
+            print(executable(node), log, *given, file=process.stdin, flush=True)
             code, lines = answers.readline(), log.read_text().splitlines()
             assert code == '2\n', lines
             assert not any('Traceback' in line for line in lines), lines

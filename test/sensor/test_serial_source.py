@@ -24,8 +24,8 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import Received, SerialSource, explain, in_background
-from retrolidar_ros.sensor.wire import FrameReader, encode_frame
+from retrolidar_ros.sensor.serial_source import SerialSource, explain, in_background
+from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
 
@@ -266,11 +266,11 @@ def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patc
 
 
 def test_silence_is_explained_by_what_has_come() -> None:
-    then = Received(10, 2, 3)
+    then = WireCounts(bytes=10, bad_crc=2, withheld=3)
     for now, said in (
-        (Received(30, 3, 4), 'frames come without signal'),
-        (Received(30, 3, 3), 'no frames come, but damaged packets'),
-        (Received(30, 2, 3), 'no frames come, but 20 bytes'),
+        (WireCounts(bytes=30, bad_crc=3, withheld=4), 'frames come without signal'),
+        (WireCounts(bytes=30, bad_crc=3, withheld=3), 'no frames come, but damaged packets'),
+        (WireCounts(bytes=30, bad_crc=2, withheld=3), 'no frames come, but 20 bytes'),
         (then, 'nothing comes'),
     ):
         assert now.silence(then).startswith(said)

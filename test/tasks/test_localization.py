@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a robot is among landmarks, and which readings are kept of what rests."""
+"""Where a robot is among landmarks, and which readings are kept where more come."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.backlog import Backlog
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.resting import FIRST_S, NEW, Resting
 from retrolidar_ros.tasks.state import Prior, State
 
 
@@ -72,53 +71,6 @@ def test_no_pose_is_published_where_the_robot_is_not() -> None:
 def test_a_room_needs_three_markers() -> None:
     with pytest.raises(ValueError, match='localisation needs three'):
         room_of(*known_room([(1, HERE)]), ERRORS)
-
-
-STEP_S = 0.02
-
-
-def taken(stamps_s: list[float], first_s: float = 0.0, speed_m_s: float = 0.0) -> list[float]:
-    resting = Resting()
-    return [at for at in stamps_s if resting.is_due('one', at, first_s, speed_m_s)]
-
-
-def test_readings_of_a_track_become_rarer() -> None:
-    stamps_s = np.arange(0.0, 20.0, STEP_S).tolist()
-    assert taken(stamps_s) == pytest.approx([1.0, 2.0, 4.0, 8.0, 16.0], abs=0.1)
-
-
-def test_their_mean_is_as_exact_as_they_say() -> None:
-    rng = np.random.default_rng(5600)
-    stamps_s = np.arange(0.0, 60.0, STEP_S)
-    rows = np.searchsorted(stamps_s, taken(stamps_s.tolist()))
-    pulls = []
-    for _ in range(300):
-        means = np.cumsum(rng.standard_normal(len(stamps_s))) / np.arange(1, len(stamps_s) + 1)
-        weights = (1 + rows) / NEW**2
-        pulls.append(np.sum(weights * means[rows]) / np.sqrt(weights.sum()))
-    assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.2
-
-
-def test_nothing_is_taken_of_what_moves_and_what_stops_begins_anew() -> None:
-    resting = Resting()
-    stamps_s = np.arange(0.0, 40.0, STEP_S).tolist()
-
-    def due(at: float) -> bool:
-        return resting.is_due('one', at, 0.0, 0.1 if 10.0 < at < 20.0 else 0.001)
-
-    found = [at for at in stamps_s if due(at)]
-    assert not [at for at in found if 10.0 < at < 20.0 + FIRST_S - STEP_S]
-    assert [at for at in found if at > 20.0] == pytest.approx([21, 22, 24, 28, 36], abs=0.2)
-
-
-def test_a_new_track_and_a_jump_of_time_begin_anew() -> None:
-    resting = Resting()
-    assert resting.is_due('one', 100.0, 90.0, 0.0)
-    assert not resting.is_due('one', 105.0, 90.0, 0.0)
-    assert resting.is_due('one', 106.5, 105.0, 0.0)
-    assert not resting.is_due('one', 10.0, 9.0, 0.0)
-    assert resting.is_due('one', 11.5, 9.0, 0.0)
-    assert resting.is_due('other', 11.5, 9.0, 0.0)
 
 
 def test_who_waits_longest_is_next_with_the_newest_of_its_readings() -> None:

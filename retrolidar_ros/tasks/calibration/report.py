@@ -32,6 +32,9 @@ def parameter_file(found: Calibration, source: str) -> str:
     """Return the text of a parameter file; nodes use defaults for the rest."""
     lines = [
         f'# From {source}, by `retrolidar calibrate`. What is not here was not found in it.',
+        '# ± is half of the interval that holds the truth in 95 of 100 cases.',
+        *(f'# {line}' for line in sentences(found)),
+        *(f'# Next: {line}' for line in missing(found)),
         '/**/detector:',
     ]
     values = parameters(found)
