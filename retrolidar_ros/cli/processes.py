@@ -55,7 +55,10 @@ class ProcessGroup:
     def start(self, name: str, command: list[str]) -> None:
         """Run a command under a name of one's choice.
 
-        ValueError if a process of this name has not been stopped.
+        Raises
+        ------
+        ValueError
+            If a process of this name has not been stopped.
         """
         if name in self._running:
             raise ValueError(f'{name} has been started already')

@@ -73,7 +73,10 @@ class Watch:
     def take(self, frames: list[Frame], arrival_ns: int) -> None:
         """Take frames that arrived together.
 
-        ValueError if the sensor has no such zone.
+        Raises
+        ------
+        ValueError
+            If the sensor has no such zone.
         """
         for frame in frames:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)

@@ -42,7 +42,11 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
     """Return the distances of IDs, shape (n,), to each other and, on the diagonal, to themselves.
 
     They are in bits, shape (n, n). An ID that occurs twice is at distance 0 of its double.
-    ValueError if there is no ID, or an impossible one.
+
+    Raises
+    ------
+    ValueError
+        If there is no ID, or an impossible one.
     """
     # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
     # integers below 2^24 are exact in float32, so is the product.

@@ -102,7 +102,10 @@ def to_frame_msg(frame: Frame, frame_id: str) -> FrameMsg:
 def from_frame_msg(message: FrameMsg) -> Frame:
     """Return the frame of a message.
 
-    ValueError if its zones are not of a shape that the sensor has, or an array has another length.
+    Raises
+    ------
+    ValueError
+        If its zones are not of a shape that the sensor has, or an array has another length.
     """
     frame = Frame(
         stamp_ns=to_ns(message.header.stamp),

@@ -279,6 +279,9 @@ class Scene:
 def parse_scene(content: object) -> Scene:
     """Return the scene that nested mappings and lists describe, as read from a YAML file.
 
-    ConfigError for what `mapping` refuses.
+    Raises
+    ------
+    ConfigError
+        For what `mapping` refuses.
     """
     return mapping(Scene, _check_scene)(content, '')

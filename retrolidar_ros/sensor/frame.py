@@ -162,7 +162,10 @@ class Recording:
     def of(cls, frames: list[Frame]) -> Recording:
         """Stack frames.
 
-        ValueError if there are none, or their zone grids differ.
+        Raises
+        ------
+        ValueError
+            If there are none, or their zone grids differ.
         """
         if not frames:
             raise ValueError('a recording needs at least one frame')

@@ -49,7 +49,10 @@ def cobs_encode(data: bytes) -> bytes:
 def cobs_decode(encoded: bytes) -> bytes:
     """Undo `cobs_encode`.
 
-    ValueError if there is a zero, or a length byte points beyond the end.
+    Raises
+    ------
+    ValueError
+        If there is a zero, or a length byte points beyond the end.
     """
     data = ffi.new('uint8_t[]', len(encoded) + 1)
     written = lib.rl_cobs_decode(encoded, len(encoded), data)

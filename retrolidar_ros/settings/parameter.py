@@ -61,7 +61,10 @@ class Parameter(NamedTuple):
     def check(self, name: str, value: Any) -> Any:
         """Return a value in the parameter's type.
 
-        ValueError if it is not allowed; the message begins with `name`.
+        Raises
+        ------
+        ValueError
+            If it is not allowed; the message begins with `name`.
         """
         if isinstance(self.default, list):
             return self._check_list(name, value)

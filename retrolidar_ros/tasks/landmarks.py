@@ -101,7 +101,10 @@ class Landmark:
     def take(self, *readings: Reading) -> list[Reading]:
         """Take readings, and return the inliers; those of other markers are ignored.
 
-        ValueError if readings cannot be solved; then none is taken.
+        Raises
+        ------
+        ValueError
+            If readings cannot be solved; then none is taken.
         """
         before = {
             name: value.copy() if isinstance(value, list) else value
