@@ -125,8 +125,9 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw false IDs an hour with their confidence, a row for each member."""
     names = [ALL, *MEMBERS[::-1]]
     one, budget = total(figures), USUAL_FALSE_IDS_PER_HOUR
+    ids = 'ID' if one['events'] == 1 else 'IDs'
     title = (
-        f'{one["events"]} false IDs in {one["hours"]:g} hours without a marker: '
+        f'{one["events"]} false {ids} in {one["hours"]:g} hours without a marker: '
         f'at most {one["high"]:.2g} an hour; the budget is {budget:g}'
     )
     figure, (axis,) = new_chart(1, 1, 1.7 + 0.27 * len(names), title)
