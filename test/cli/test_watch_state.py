@@ -200,7 +200,7 @@ def test_zones_lie_as_seen_from_the_sensor(grid: ZoneGrid, columns: int) -> None
 
 
 def test_bits_are_drawn_dark() -> None:
-    sent = packet(ID)
+    sent = np.roll(packet(ID), -5)  # a packet that is seen from its sixth bit on
     bits = NewestBits(np.where(sent == 1, 10.0, 110.0), 10.0, 110.0)
     bits.signal[30] = np.nan
     lines = screen(replace(snapshot(ZoneGrid(), 9), bits=bits))
