@@ -86,7 +86,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
     """By what each room is named for: without it, some are lost that are read with it.
 
-    The last one also by what a marker must explain before it is subtracted.
+    That of residuals beside also by what a marker must explain before it is subtracted.
     """
     scored = play(number, seed).scored
     assert sum(whole(scored)) >= min_read
