@@ -130,9 +130,10 @@ static float min_power(const struct rl_energy *energy, const struct rl_smooth *s
 }
 
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                      const struct rl_smooth *smooth, const float *soft, float least,
-                      struct rl_word best[2])
+                      const struct rl_smooth *smooth, const float *soft, uint32_t seen,
+                      float least, struct rl_word best[2])
 {
+    const bool is_whole = seen == RL_ALL_BITS;
     float table[WORD_BYTES][256], max_low = 0.0f;
     tabulate(soft, table);
     const float preamble = rl_add_preamble(0.0f, soft);
@@ -144,7 +145,7 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
         const struct rl_group *group = &codebook->group[g];
         const float high = preamble + table[0][group->high];
         const float power_of_any =
-            rl_maxf(min_power(energy, smooth, group, smooth->group[g]), 0.0f);
+            is_whole ? rl_maxf(min_power(energy, smooth, group, smooth->group[g]), 0.0f) : 0.0f;
         const float min_sum = sqrtf(best[1].squared * power_of_any);
         if (high + max_low <= min_sum) {
             continue;
@@ -155,8 +156,10 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
             if (sum <= min_sum) {
                 continue;
             }
-            const float power = energy->own * codebook->dark[word] +
-                                energy->adjacent * codebook->pairs[word] - smooth->word[word];
+            const float power =
+                is_whole ? energy->own * codebook->dark[word] +
+                               energy->adjacent * codebook->pairs[word] - smooth->word[word]
+                         : rl_energy_of(energy, smooth, packet & seen);
             if (sum * sum <= best[1].squared * power) {
                 continue;
             }

@@ -8,6 +8,7 @@
 #include "retrolidar_packet.h"
 
 enum { RL_GROUPS = 256 };
+static const uint32_t RL_ALL_BITS = ((uint32_t)1 << RL_PACKET_BITS) - 1;
 
 /* Energy of a sum of bits, taken as stationary:
  *     own n_1 + 2 adjacent n_11 - smooth n_1 - sum over lags of pair decay^(lag - 1) n_lag
@@ -61,10 +62,11 @@ struct rl_word {
 };
 
 /* The two best packets for soft bits (RL_PACKET_BITS, positive = dark), of those that exceed
- * `least`. */
+ * `least`. Of bits that are not seen there is no energy.
+ */
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                      const struct rl_smooth *smooth, const float *soft, float least,
-                      struct rl_word best[2]);
+                      const struct rl_smooth *smooth, const float *soft, uint32_t seen,
+                      float least, struct rl_word best[2]);
 
 /* The packet, of another ID than this, with the greatest sum of weights over its dark bits. */
 int rl_codebook_heaviest(const struct rl_codebook *codebook, const float *weight, uint16_t id);

@@ -89,6 +89,7 @@ struct trial {
     const struct rl_demands *demands;
     struct rl_verdict *verdict;
     bool follows;     /* others of this ID and clock */
+    bool is_new;      /* whether its marker has just appeared */
     int silent_bits;  /* of the window, before the packet */
     double half_bits; /* from the start to the middle of the window */
     double own;       /* its log likelihood */
@@ -126,8 +127,8 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
         return RL_INCOMPLETE;
     }
     /* One that has appeared has not repeated yet. */
-    const bool is_new = verdict->begin_s == since_s;
-    if (transmission->repeats && packets == 1 && !trial->follows && !is_new &&
+    trial->is_new = verdict->begin_s == since_s;
+    if (transmission->repeats && packets == 1 && !trial->follows && !trial->is_new &&
         !has_repeated(window, transmission, verdict->evidence, to_s - RL_PACKET_BITS * bit_s,
                       since_s, to_s)) {
         return RL_INCOMPLETE;
@@ -135,7 +136,7 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
     if (rl_observation_is_erased(window, transmission)) {
         return RL_ERASED;
     }
-    return transmission->repeats && !is_new &&
+    return transmission->repeats && !trial->is_new &&
                    may_be_lone(window, transmission, packets, trial->own)
                ? RL_INCOMPLETE
                : RL_READ;
@@ -179,18 +180,18 @@ static double unknown_bits(const struct rl_bits *bits, int count)
 }
 
 /* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
- * are unknown: a bit less of a word's redundancy is a bit more of chance. With few registered IDs,
- * more may be unknown, and any of a packet that was expected. None is a packet of which most of the
- * preamble is unknown.
+ * are unknown: a bit less of a word's redundancy is a bit more of chance, or two where something has
+ * appeared, as that is judged with each bit again. With few registered IDs, more may be unknown, and
+ * any of a packet that was expected. None is a packet of which most of the preamble is unknown.
  */
 static double max_word_of(const struct trial *trial, const struct rl_codebook *codebook)
 {
     const double spare = trial->follows ? RL_PACKET_BITS : RL_ID_BITS - log2(codebook->words);
     const double preamble = unknown_bits(&trial->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&trial->bits, RL_PACKET_BITS) - spare;
-    return 2.0 * preamble > RL_PREAMBLE_BITS
-               ? -INFINITY
-               : trial->demands->word - log(2.0) * fmax(unknown, 0.0);
+    const double price = (trial->is_new ? 2.0 : 1.0) * log(2.0);
+    return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY
+                                             : trial->demands->word - price * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct trial *trial, const struct rl_codebook *codebook,

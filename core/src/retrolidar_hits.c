@@ -33,37 +33,61 @@ static struct rl_energy energy_of(const struct rl_demand *demand, const struct r
     return energy;
 }
 
-static void keep_entry(struct rl_shortlist_entry *kept, int *count, int most, float nats, int shift,
-                       const struct rl_trial *trial, const struct rl_lane *lane)
+/* The bits of a window, from one of them on. */
+static uint32_t bits_from(uint32_t bits, int shift)
+{
+    return (bits << shift | bits >> (RL_PACKET_BITS - shift)) & RL_ALL_BITS;
+}
+
+/* The first slot that nothing is kept in. */
+static int free_slot(const struct rl_shortlist *shortlist)
+{
+    bool is_taken[RL_SLOTS] = {false};
+    int slot = 0;
+    for (int i = 0; i < shortlist->words; i++) {
+        is_taken[shortlist->word[i].slot] = true;
+    }
+    for (int i = 0; i < shortlist->sequences; i++) {
+        is_taken[shortlist->sequence[i].slot] = true;
+    }
+    while (is_taken[slot]) {
+        slot++;
+    }
+    return slot;
+}
+
+static void keep_entry(struct rl_shortlist_entry *kept, int *count, int most,
+                       struct rl_shortlist_entry entry)
 {
     int at = *count;
-    while (at > 0 && kept[at - 1].nats < nats) {
+    while (at > 0 && kept[at - 1].nats < entry.nats) {
         at--;
     }
-    if (at == most) {
+    if (at >= most) {
         return;
     }
     *count += *count < most;
     memmove(kept + at + 1, kept + at, (size_t)(*count - 1 - at) * sizeof *kept);
-    kept[at] = (struct rl_shortlist_entry){nats, shift, *trial, *lane};
+    kept[at] = entry;
 }
 
 /* Keep the best sequence of each clock. */
-static void keep_sequence(struct rl_shortlist *shortlist, float nats, const struct rl_trial *trial,
-                          const struct rl_lane *lane)
+static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_entry entry)
 {
+    const struct rl_slot *slots = shortlist->slot;
+    struct rl_shortlist_entry *sequence = shortlist->sequence;
     for (int i = 0; i < shortlist->sequences; i++) {
-        if (shortlist->sequence[i].trial.bit_s == trial->bit_s) {
-            if (shortlist->sequence[i].nats >= nats) {
+        if (slots[sequence[i].slot].trial.bit_s == slots[entry.slot].trial.bit_s) {
+            if (sequence[i].nats >= entry.nats) {
                 return;
             }
             shortlist->sequences--;
-            memmove(shortlist->sequence + i, shortlist->sequence + i + 1,
-                    (size_t)(shortlist->sequences - i) * sizeof *shortlist->sequence);
+            memmove(sequence + i, sequence + i + 1,
+                    (size_t)(shortlist->sequences - i) * sizeof *sequence);
             break;
         }
     }
-    keep_entry(shortlist->sequence, &shortlist->sequences, RL_TRIED, nats, 0, trial, lane);
+    keep_entry(sequence, &shortlist->sequences, RL_TRIED, entry);
 }
 
 /* What any sequence of bits explains at the most. */
@@ -97,8 +121,10 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
     const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
-    const uint32_t dark = lane->summary.dark;
-    keep_sequence(shortlist, upper_bound, trial, lane);
+    const int slot = free_slot(shortlist);
+    const int most = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
+    shortlist->slot[slot] = (struct rl_slot){*trial, *lane};
+    keep_sequence(shortlist, (struct rl_shortlist_entry){upper_bound, 0, slot});
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
     memcpy(twice, lane->soft, sizeof lane->soft);
     memcpy(twice + RL_PACKET_BITS, lane->soft, sizeof lane->soft);
@@ -107,13 +133,14 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     }
     for (int shift = 0; shift < shifts; shift++) {
         const float *soft = twice + shift;
-        const uint32_t flipped = dark << shift | dark >> (RL_PACKET_BITS - shift);
         const float word = until[shift + RL_PACKET_BITS] - until[shift + RL_PREAMBLE_BITS];
         const float sum = rl_add_preamble(word, soft);
         if (sum <= 0.0f) {
             continue;
         }
-        const uint32_t bits = PREAMBLE | (flipped & WORD_MASK);
+        const uint32_t flipped = bits_from(lane->summary.dark, shift);
+        const uint32_t bits =
+            (PREAMBLE | (flipped & WORD_MASK)) & bits_from(trial->seen, shift);
         const float squared =
             sum * sum / (rl_energy_of(&energy, demand->smooth, bits) * (float)trial->packets);
         if (squared < least) {
@@ -121,7 +148,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         }
         const float nats = nats_of(squared, &lane->summary);
         if (upper_bound - nats <= demand->max_llr_deficit) {
-            keep_entry(shortlist->word, &shortlist->words, RL_HITS, nats, shift, trial, lane);
+            keep_entry(shortlist->word, &shortlist->words, most,
+                       (struct rl_shortlist_entry){nats, shift, slot});
         }
     }
 }
@@ -213,24 +241,26 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
     hits->count = hits->sequences = 0;
     for (int word = 0; word < shortlist->words; word++) {
         const struct rl_shortlist_entry *entry = &shortlist->word[word];
-        const struct rl_trial *trial = &entry->trial;
+        const struct rl_slot *slot = &shortlist->slot[entry->slot];
+        const struct rl_trial *trial = &slot->trial;
         const struct rl_energy energy = energy_of(demand, trial);
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
-        const float upper_bound = rl_llr_upper_bound(demand, trial, &entry->lane.summary);
+        const float upper_bound = rl_llr_upper_bound(demand, trial, &slot->lane.summary);
         const float min_nats = rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
-        const float least = min_of(min_nats, &entry->lane.summary);
+        const float least = min_of(min_nats, &slot->lane.summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            soft[bit] = entry->lane.soft[(bit + entry->shift) % RL_PACKET_BITS];
+            soft[bit] = slot->lane.soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
-        rl_codebook_best(codebook, &energy, demand->smooth, soft, least * packets, best);
+        rl_codebook_best(codebook, &energy, demand->smooth, soft,
+                         bits_from(trial->seen, entry->shift), least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
             const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
-                .nats = nats_of(best[i].squared / packets, &entry->lane.summary),
+                .nats = nats_of(best[i].squared / packets, &slot->lane.summary),
                 .id = codebook->id[best[i].index],
                 .transmission = {.bits = codebook->packet[best[i].index],
                                  .repeats = demand->repeats,
@@ -241,13 +271,13 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         }
     }
     for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
-        const struct rl_shortlist_entry *entry = &shortlist->sequence[i];
-        const struct rl_energy energy = energy_of(demand, &entry->trial);
+        const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
+        const struct rl_energy energy = energy_of(demand, &slot->trial);
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(&energy, demand->smooth, &entry->lane),
+            .bits = best_bits(&energy, demand->smooth, &slot->lane),
             .repeats = demand->repeats,
-            .start_s = start_of(&entry->trial),
-            .bit_s = entry->trial.bit_s,
+            .start_s = start_of(&slot->trial),
+            .bit_s = slot->trial.bit_s,
         };
     }
 }

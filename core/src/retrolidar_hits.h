@@ -11,7 +11,8 @@
 #include "retrolidar_view.h"
 
 enum {
-    RL_HITS = 2 * RL_TRIED, /* of a search, and words that it looks for */
+    RL_HITS = 2 * RL_TRIED, /* of a search, and words that it looks for in a whole packet */
+    RL_SLOTS = RL_HITS + RL_TRIED + 1, /* for each word and sequence that is kept, and the next */
 };
 
 /* A packet that may be there. */
@@ -21,10 +22,15 @@ struct rl_hit {
     struct rl_transmission transmission; /* read from any bit, if it repeats */
 };
 
-/* Soft bits of a trial, from one on. */
+/* A packet or sequence that the soft bits of a trial may hold. */
 struct rl_shortlist_entry {
     float nats; /* that no packet exceeds by much, or that any sequence of bits reaches */
     int shift;  /* bit of the window with which the packet begins */
+    int slot;   /* of the trial */
+};
+
+/* A trial, and what it makes of a lane. */
+struct rl_slot {
     struct rl_trial trial;
     struct rl_lane lane;
 };
@@ -38,11 +44,14 @@ struct rl_hits {
     struct rl_transmission sequence[RL_TRIED]; /* of a word or not */
 };
 
-/* What is to be looked at once all trials are known. */
+/* What is to be looked at once all trials are known. Where only a part of a packet is seen, it may
+ * begin with any bit: the preamble need not be among those that are.
+ */
 struct rl_shortlist {
     int words, sequences;
-    struct rl_shortlist_entry word[RL_HITS];
+    struct rl_shortlist_entry word[RL_PACKET_BITS];
     struct rl_shortlist_entry sequence[RL_TRIED];
+    struct rl_slot slot[RL_SLOTS];
 };
 
 /* What is asked of a hit. */

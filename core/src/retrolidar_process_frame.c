@@ -169,8 +169,8 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
     }
 }
 
-/* Search zones in which something has appeared, and nothing was read since: the samples before it
- * say nothing. With few IDs, fewer bits are enough.
+/* Search zones in which something has appeared, and nothing was read since, with each bit: the
+ * samples before it say nothing. With few IDs, fewer bits are enough.
  */
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
@@ -187,13 +187,15 @@ static void search_appeared(struct rl_detector *detector, double to_s)
     }
 }
 
-/* Note since when zones vary by more than their noise. */
-static void note_active(struct rl_detector *detector, double begin_s)
+/* Note since when zones vary by more than their noise. What appears does so within an exposure, of
+ * which the sample tells too little.
+ */
+static void note_active(struct rl_detector *detector, double to_s)
 {
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         double *since_s = &detector->active_s[zone];
         const bool is_active = rl_noise_variation(&detector->samples, zone) > RL_ACTIVE;
-        *since_s = !is_active ? INFINITY : *since_s == INFINITY ? begin_s : *since_s;
+        *since_s = !is_active ? INFINITY : *since_s == INFINITY ? to_s : *since_s;
     }
 }
 
@@ -220,7 +222,7 @@ void rl_process_frame(struct rl_detector *detector)
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
-    note_active(detector, samples->begin_s[samples->count - 1]);
+    note_active(detector, to_s);
     const double packet_bits = RL_PACKET_BITS * (1.0 - max_skew) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
@@ -248,7 +250,7 @@ void rl_process_frame(struct rl_detector *detector)
         }
         search(detector, channels, count, FOLD[fold], from_s, to_s, -INFINITY);
     }
-    if (floor(2.0 * to_s / (RL_LOOK_BITS * bit_s)) > floor(2.0 * from_s / (RL_LOOK_BITS * bit_s))) {
+    if (floor(to_s / bit_s) > floor(from_s / bit_s)) {
         search_appeared(detector, to_s);
     }
     if (is_new_slot) {

@@ -42,6 +42,7 @@ struct rl_view {
 struct rl_trial {
     double end_s, bit_s;
     int packets;         /* back to back, to be laid on top of each other */
+    uint32_t seen;       /* bits that have begun, or ended, within the window */
     float own, adjacent; /* energy of a bit, and of two side by side (`rl_energy`) */
 };
 

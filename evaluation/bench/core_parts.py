@@ -73,6 +73,14 @@ PARTS = {
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
     ),
+    'what has appeared: less its first sample': Part(
+        'process_frame',
+        '*since_s == INFINITY ? to_s :',
+        '*since_s == INFINITY ? detector->samples.begin_s[detector->samples.count - 1] :',
+    ),
+    'what has appeared: energy of what is seen': Part(
+        'hits', 'bits_from(trial->seen, entry->shift)', 'RL_ALL_BITS'
+    ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
     'sums of more than 2x2 zones': Part(
@@ -99,6 +107,9 @@ PARTS = {
         'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
+    'word test: bits that are not known of what appeared': Part(
+        'decide', 'trial->is_new ? 2.0 : 1.0', 'trial->is_new ? 1.0 : 1.0'
+    ),
     'word test: a preamble that is not known': Part(
         'decide', '2.0 * preamble > RL_PREAMBLE_BITS', 'false && preamble > 0.0'
     ),
