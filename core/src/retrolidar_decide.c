@@ -166,6 +166,25 @@ static double flip_bits(struct trial *trial)
                              3.0 * trial->demands->word);
 }
 
+/* What a bit of what has appeared costs that is not known. It is judged with each bit again. */
+static double price_of_new_bit(void)
+{
+    return 2.0 * log(2.0);
+}
+
+/* Bits that need not be known to tell the IDs in use apart. */
+static double spare_bits(const struct rl_codebook *codebook)
+{
+    return RL_ID_BITS - log2(codebook->words);
+}
+
+/* The crystal is slow, so the first of them tells of the one before. */
+double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands)
+{
+    const double unknown = spare_bits(codebook) + demands->word / price_of_new_bit();
+    return fmax(RL_PACKET_BITS - 1 - unknown, RL_LOOK_BITS);
+}
+
 /* Of the first bits of the packet, how many the samples do not tell, about: those that may as well
  * be flipped.
  */
@@ -186,10 +205,10 @@ static double unknown_bits(const struct rl_bits *bits, int count)
  */
 static double max_word_of(const struct trial *trial, const struct rl_codebook *codebook)
 {
-    const double spare = trial->follows ? RL_PACKET_BITS : RL_ID_BITS - log2(codebook->words);
+    const double spare = trial->follows ? RL_PACKET_BITS : spare_bits(codebook);
     const double preamble = unknown_bits(&trial->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&trial->bits, RL_PACKET_BITS) - spare;
-    const double price = (trial->is_new ? 2.0 : 1.0) * log(2.0);
+    const double price = trial->is_new ? price_of_new_bit() : log(2.0);
     return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY
                                              : trial->demands->word - price * fmax(unknown, 0.0);
 }

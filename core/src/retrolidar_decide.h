@@ -36,6 +36,9 @@ struct rl_verdict {
     struct rl_gain fit;
 };
 
+/* How many bits have to be seen, at the least, of a packet that has appeared in its middle. */
+double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands);
+
 /* Judge a hit of a channel.
  *
  * hits: those that were found with it, rivals if they are of other IDs

@@ -175,9 +175,7 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
-    /* Start and preamble, and what tells the IDs apart. */
-    const double min_bits =
-        RL_LOOK_BITS / 2 + RL_PREAMBLE_BITS + log2(detector->search.codebook.words);
+    const double min_bits = rl_decide_min_bits(&detector->search.codebook, &detector->demands);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (bits >= min_bits && bits < RL_PACKET_BITS &&
