@@ -78,7 +78,7 @@ PARTS = {
         '*since_s == INFINITY ? to_s :',
         '*since_s == INFINITY ? detector->samples.begin_s[detector->samples.count - 1] :',
     ),
-    'what has appeared: energy of what is seen': Part(
+    'what has appeared: energy of bits seen': Part(
         'hits', 'bits_from(trial->seen, entry->shift)', 'RL_ALL_BITS'
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
@@ -107,7 +107,7 @@ PARTS = {
         'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
-    'word test: bits that are not known of what appeared': Part(
+    'word test: unknown bits of what appeared': Part(
         'decide', 'is_new ? price_of_new_bit() :', 'is_new ? log(2.0) :'
     ),
     'word test: a preamble that is not known': Part(
