@@ -108,7 +108,7 @@ PARTS = {
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
     'word test: unknown bits of what appeared': Part(
-        'decide', 'is_new ? price_of_new_bit() :', 'is_new ? log(2.0) :'
+        'decide', 'return 2.0 * log(2.0);', 'return log(2.0);'
     ),
     'word test: a preamble that is not known': Part(
         'decide', '2.0 * preamble > RL_PREAMBLE_BITS', 'false && preamble > 0.0'

@@ -114,7 +114,7 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         # Of every fourth, only a part is seen.
         seen = (np.arange(PACKET_BITS) + case) % PACKET_BITS < (20 if case % 4 > 2 else PACKET_BITS)
         soft *= seen
-        bits = packet(ids) * seen.astype(np.float64)
+        bits = packet(ids).astype(np.float64) * seen
         sums = bits @ soft
         squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, bits), 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
