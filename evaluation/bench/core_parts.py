@@ -81,6 +81,14 @@ PARTS = {
     'what has appeared: energy of bits seen': Part(
         'hits', 'bits_from(trial->seen, entry->shift)', 'RL_ALL_BITS'
     ),
+    'what has appeared: all starts kept': Part(
+        'hits', 'RL_ALL_BITS ? RL_PACKET_BITS', 'RL_ALL_BITS ? RL_HITS'
+    ),
+    'what has appeared: with each bit': Part(
+        'process_frame',
+        'floor(to_s / bit_s) > floor(from_s / bit_s)',
+        'floor(to_s / bit_s / 2.0) > floor(from_s / bit_s / 2.0)',
+    ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
     'sums of more than 2x2 zones': Part(

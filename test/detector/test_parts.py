@@ -106,13 +106,16 @@ def test_bits_of_another_period_are_no_packets() -> None:
     assert wrong == 0
 
 
-@pytest.mark.parametrize(('registered', 'half_s', 'most_s'), [(None, 1.2, 1.35), (3, 0.75, 0.9)])
+@pytest.mark.parametrize(
+    ('registered', 'half_s', 'most_s'), [(None, 1.18, 1.35), (16, 0.77, 0.88), (3, 0.66, 0.8)]
+)
 def test_ids_are_read_before_their_packets_are_whole(
     registered: int | None, half_s: float, most_s: float
 ) -> None:
-    """By the search of what has appeared, less the sample in which it does.
+    """Half of them by `half_s`, nine tenths by `most_s`.
 
-    Half and nine tenths of them; few IDs, also by the energy of the bits that were seen.
+    By the search of what has appeared, less the sample in which it does, with each bit, from any
+    start, and by the energy of the bits that were seen.
     """
     first_s = []
     for number in range(20):
