@@ -10,6 +10,11 @@
 /* A word as bytes, of which the last may have spare bits. */
 enum { WORD_BYTES = (RL_WORD_BITS + 7) / 8, SPARE_BITS = 8 * WORD_BYTES - RL_WORD_BITS };
 
+/* What whitening leaves of the energy at the least: of 31 bits it leaves more, and of fewer it is
+ * not known so well.
+ */
+static const float MIN_ENERGY = 0.05f;
+
 static uint8_t word_byte(uint32_t packet, int byte)
 {
     return (uint8_t)((packet << SPARE_BITS) >> 8 * (WORD_BYTES - 1 - byte));
@@ -92,8 +97,10 @@ void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_ener
 
 float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smooth, uint32_t bits)
 {
-    return energy->own * (float)count_bits(bits) +
-           2.0f * energy->adjacent * (float)count_bits(bits & bits >> 1) - smooth_of(smooth, bits);
+    const float own = energy->own * (float)count_bits(bits);
+    return rl_maxf(own + 2.0f * energy->adjacent * (float)count_bits(bits & bits >> 1) -
+                       smooth_of(smooth, bits),
+                   MIN_ENERGY * own);
 }
 
 /* Sums of weights over the dark bits of every byte of a word. */
@@ -130,10 +137,11 @@ static float min_power(const struct rl_energy *energy, const struct rl_smooth *s
 }
 
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                      const struct rl_smooth *smooth, const float *soft, uint32_t seen,
+                      const struct rl_smooth *smooth, const float *soft, uint32_t seen, int shift,
                       float least, struct rl_word best[2])
 {
     const bool is_whole = seen == RL_ALL_BITS;
+    const int first = RL_PACKET_BITS - shift; /* of the packet in the window */
     float table[WORD_BYTES][256], max_low = 0.0f;
     tabulate(soft, table);
     const float preamble = rl_add_preamble(0.0f, soft);
@@ -159,7 +167,7 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
             const float power =
                 is_whole ? energy->own * codebook->dark[word] +
                                energy->adjacent * codebook->pairs[word] - smooth->word[word]
-                         : rl_energy_of(energy, smooth, packet & seen);
+                         : rl_energy_of(energy, smooth, rl_rotate_bits(packet, first) & seen);
             if (sum * sum <= best[1].squared * power) {
                 continue;
             }

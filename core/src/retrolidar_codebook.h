@@ -8,7 +8,6 @@
 #include "retrolidar_packet.h"
 
 enum { RL_GROUPS = 256 };
-static const uint32_t RL_ALL_BITS = ((uint32_t)1 << RL_PACKET_BITS) - 1;
 
 /* Energy of a sum of bits, taken as stationary:
  *     own n_1 + 2 adjacent n_11 - smooth n_1 - sum over lags of pair decay^(lag - 1) n_lag
@@ -54,6 +53,7 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
                         struct rl_smooth *smooth);
 
+/* Energy of dark bits, in the order in which they are sent. */
 float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smooth, uint32_t bits);
 
 struct rl_word {
@@ -62,10 +62,13 @@ struct rl_word {
 };
 
 /* The two best packets for soft bits (RL_PACKET_BITS, positive = dark), of those that exceed
- * `least`. Of bits that are not seen there is no energy.
+ * `least`.
+ *
+ * seen: bits of the window that were seen; the others have no energy
+ * shift: bit of the window with which the packet begins
  */
 void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy *energy,
-                      const struct rl_smooth *smooth, const float *soft, uint32_t seen,
+                      const struct rl_smooth *smooth, const float *soft, uint32_t seen, int shift,
                       float least, struct rl_word best[2]);
 
 /* The packet, of another ID than this, with the greatest sum of weights over its dark bits. */

@@ -33,13 +33,9 @@ static struct rl_energy energy_of(const struct rl_demand *demand, const struct r
     return energy;
 }
 
-/* The bits of a window, from one of them on. */
-static uint32_t bits_from(uint32_t bits, int shift)
-{
-    return (bits << shift | bits >> (RL_PACKET_BITS - shift)) & RL_ALL_BITS;
-}
-
-/* The first slot that nothing is kept in. */
+/* The first slot that no entry refers to. There is one: slots are one more than entries of
+ * different trials.
+ */
 static int free_slot(const struct rl_shortlist *shortlist)
 {
     bool is_taken[RL_SLOTS] = {false};
@@ -50,23 +46,32 @@ static int free_slot(const struct rl_shortlist *shortlist)
     for (int i = 0; i < shortlist->sequences; i++) {
         is_taken[shortlist->sequence[i].slot] = true;
     }
-    while (is_taken[slot]) {
+    while (slot < RL_SLOTS - 1 && is_taken[slot]) {
         slot++;
     }
     return slot;
 }
 
-static void keep_entry(struct rl_shortlist_entry *kept, int *count, int most,
+static int count_unseen(const struct rl_trial *trial)
+{
+    int unseen = 0;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        unseen += (trial->seen & rl_packet_bit(bit)) == 0;
+    }
+    return unseen;
+}
+
+static void keep_entry(struct rl_shortlist_entry *kept, int *count, int max_entries,
                        struct rl_shortlist_entry entry)
 {
     int at = *count;
     while (at > 0 && kept[at - 1].nats < entry.nats) {
         at--;
     }
-    if (at >= most) {
+    if (at >= max_entries) {
         return;
     }
-    *count += *count < most;
+    *count += *count < max_entries;
     memmove(kept + at + 1, kept + at, (size_t)(*count - 1 - at) * sizeof *kept);
     kept[at] = entry;
 }
@@ -122,7 +127,9 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
     const int slot = free_slot(shortlist);
-    const int most = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
+    /* Without the bits that are not seen, more starts look alike. */
+    const int unseen = shifts > 1 ? count_unseen(trial) : 0;
+    const int max_words = unseen < RL_PACKET_BITS - RL_HITS ? RL_HITS + unseen : RL_PACKET_BITS;
     shortlist->slot[slot] = (struct rl_slot){*trial, *lane};
     keep_sequence(shortlist, (struct rl_shortlist_entry){upper_bound, 0, slot});
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
@@ -138,9 +145,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         if (sum <= 0.0f) {
             continue;
         }
-        const uint32_t flipped = bits_from(lane->summary.dark, shift);
-        const uint32_t bits =
-            (PREAMBLE | (flipped & WORD_MASK)) & bits_from(trial->seen, shift);
+        const uint32_t dark = rl_rotate_bits(lane->summary.dark, shift) & WORD_MASK;
+        const uint32_t bits = rl_rotate_bits(PREAMBLE | dark, RL_PACKET_BITS - shift) & trial->seen;
         const float squared =
             sum * sum / (rl_energy_of(&energy, demand->smooth, bits) * (float)trial->packets);
         if (squared < least) {
@@ -148,7 +154,7 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         }
         const float nats = nats_of(squared, &lane->summary);
         if (upper_bound - nats <= demand->max_llr_deficit) {
-            keep_entry(shortlist->word, &shortlist->words, most,
+            keep_entry(shortlist->word, &shortlist->words, max_words,
                        (struct rl_shortlist_entry){nats, shift, slot});
         }
     }
@@ -158,8 +164,9 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
  * time. In a long run the level is taken for the light of its bits, and their signs say little.
  */
 static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth *smooth,
-                          const struct rl_lane *lane)
+                          const struct rl_slot *slot)
 {
+    const struct rl_lane *lane = &slot->lane;
     float sum = lane->summary.any;
     uint32_t bits = lane->summary.dark;
     float best = sum * sum / rl_energy_of(energy, smooth, bits);
@@ -169,7 +176,8 @@ static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             const uint32_t other = bits ^ rl_packet_bit(bit);
             const float other_sum = other & ~bits ? sum + lane->soft[bit] : sum - lane->soft[bit];
-            if (other == 0 || other_sum <= 0.0f) {
+            const bool is_seen = (slot->trial.seen & rl_packet_bit(bit)) != 0;
+            if (!is_seen || other == 0 || other_sum <= 0.0f) {
                 continue;
             }
             const float squared = other_sum * other_sum / rl_energy_of(energy, smooth, other);
@@ -254,8 +262,8 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
             soft[bit] = slot->lane.soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
-        rl_codebook_best(codebook, &energy, demand->smooth, soft,
-                         bits_from(trial->seen, entry->shift), least * packets, best);
+        rl_codebook_best(codebook, &energy, demand->smooth, soft, trial->seen, entry->shift,
+                         least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
             const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
@@ -274,7 +282,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
         const struct rl_energy energy = energy_of(demand, &slot->trial);
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(&energy, demand->smooth, &slot->lane),
+            .bits = best_bits(&energy, demand->smooth, slot),
             .repeats = demand->repeats,
             .start_s = start_of(&slot->trial),
             .bit_s = slot->trial.bit_s,

@@ -12,7 +12,10 @@
 
 enum {
     RL_HITS = 2 * RL_TRIED, /* of a search, and words that it looks for in a whole packet */
-    RL_SLOTS = RL_HITS + RL_TRIED + 1, /* for each word and sequence that is kept, and the next */
+    /* Each word and sequence of a whole packet may be of another trial, and the next one, too.
+     * Where a part is seen there are more words, but only of RL_TRIED trials.
+     */
+    RL_SLOTS = RL_HITS + RL_TRIED + 1,
 };
 
 /* A packet that may be there. */

@@ -24,10 +24,18 @@ bool rl_id_is_usable(uint32_t id);
 uint32_t rl_packet(uint16_t id);
 /* end of binding */
 
+static const uint32_t RL_ALL_BITS = ((uint32_t)1 << RL_PACKET_BITS) - 1;
+
 /* One bit of a packet, the first one being 0. */
 static inline uint32_t rl_packet_bit(int bit)
 {
     return (uint32_t)1 << (RL_PACKET_BITS - 1 - bit);
+}
+
+/* The bits of a packet from one of them on; those before it follow the last. */
+static inline uint32_t rl_rotate_bits(uint32_t bits, int first)
+{
+    return (bits << first | bits >> (RL_PACKET_BITS - first)) & RL_ALL_BITS;
 }
 
 /* Add the dark bits of the preamble to a sum over the bits of a packet. */

@@ -42,8 +42,8 @@ struct rl_view {
 struct rl_trial {
     double end_s, bit_s;
     int packets;         /* back to back, to be laid on top of each other */
-    uint32_t seen;       /* bits that have begun, or ended, within the window */
-    float own, adjacent; /* energy of a bit, and of two side by side (`rl_energy`) */
+    uint32_t seen;       /* bits that ended after the window began */
+    float own, adjacent; /* mean energy of a bit that is seen, and of two side by side */
 };
 
 /* What the soft bits of a lane can be at the most. */

@@ -79,10 +79,10 @@ PARTS = {
         '*since_s == INFINITY ? detector->samples.begin_s[detector->samples.count - 1] :',
     ),
     'what has appeared: energy of bits seen': Part(
-        'hits', 'bits_from(trial->seen, entry->shift)', 'RL_ALL_BITS'
+        'hits', 'trial->seen, entry->shift', 'RL_ALL_BITS, entry->shift'
     ),
     'what has appeared: all starts kept': Part(
-        'hits', 'RL_ALL_BITS ? RL_PACKET_BITS', 'RL_ALL_BITS ? RL_HITS'
+        'hits', 'shifts > 1 ? count_unseen(trial) : 0', '0 * count_unseen(trial)'
     ),
     'what has appeared: with each bit': Part(
         'process_frame',
@@ -145,6 +145,7 @@ PARTS = {
     'more evidence where levels wander': Part(
         'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
     ),
+    'more margin where more than noise is left': Part('decide', 'OVERDISPERSION * excess', '0.0'),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
     ),
