@@ -183,14 +183,13 @@ class Statistics:
         hits: list[tuple[int, Sending]],
         least: float = 1e-3,
         wandering: float = 0.0,
-        margin: float = -1e6,
     ) -> Any:
         """Judge the first of hits of IDs, in a detector that demands little evidence only.
 
         `wandering` is what it demands besides where the level wanders.
         """
         demands = self.ffi.new('struct rl_demands *')
-        demands.evidence, demands.word, demands.margin = least, 1e6, margin
+        demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
         demands.wandering = wandering
         demands.bit_s, demands.max_skew = self.samples.dark_s / self.lib.RL_MAX_DARK_BITS, 0.03
         given = self.ffi.new('struct rl_hits *')

@@ -25,8 +25,6 @@ static const double MIN_ALONE = 0.4;
  * look like one.
  */
 static const double LEFT_OVER = 0.1;
-/* How much more margin a packet needs for each e-fold of the reduced chi-squared [nats]. */
-static const double OVERDISPERSION = 2.0;
 /* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
@@ -168,9 +166,7 @@ static double flip_bits(struct trial *trial)
                              3.0 * trial->demands->word);
 }
 
-/* What an unknown bit costs where something has appeared: twice what it costs elsewhere, as that is
- * judged with each bit again.
- */
+/* What a bit of what has appeared costs that is not known. It is judged with each bit again. */
 static double price_of_new_bit(void)
 {
     return 2.0 * log(2.0);
@@ -182,9 +178,7 @@ static double spare_bits(const struct rl_codebook *codebook)
     return RL_ID_BITS - log2(codebook->words);
 }
 
-/* Of fewer bits no packet passes the word test. One less is searched, as the first bit tells of the
- * one before it: the crystal is slow.
- */
+/* The crystal is slow, so the first of them tells of the one before. */
 double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands)
 {
     const double unknown = spare_bits(codebook) + demands->word / price_of_new_bit();
@@ -205,9 +199,9 @@ static double unknown_bits(const struct rl_bits *bits, int count)
 }
 
 /* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
- * are unknown: a bit less of a word's redundancy is a bit more of chance. With few registered IDs,
- * more may be unknown, and any of a packet that was expected. What has most of its preamble unknown
- * is no packet.
+ * are unknown: a bit less of a word's redundancy is a bit more of chance, or two where something has
+ * appeared, as that is judged with each bit again. With few registered IDs, more may be unknown, and
+ * any of a packet that was expected. None is a packet of which most of the preamble is unknown.
  */
 static double max_word_of(const struct trial *trial, const struct rl_codebook *codebook)
 {
@@ -249,20 +243,9 @@ static bool is_word(struct trial *trial, const struct rl_codebook *codebook,
     return verdict->word <= max_word_of(trial, codebook);
 }
 
-/* The margin in demand. Where a packet that is not expected leaves over more than the sensor's
- * noise, there is something else. It is no noise, and a likelihood that takes it for noise is too
- * sure of itself (overdispersion: McCullagh and Nelder 1989). Greater margins are not known.
- */
-static double min_margin_of(struct trial *trial)
-{
-    rl_window_try(trial->window, &trial->verdict->transmission);
-    const double excess = trial->follows ? 0.0 : log(fmax(trial->window->fit.chi_squared, 1.0));
-    return fmin(trial->demands->margin + OVERDISPERSION * excess, RL_MAX_MARGIN - trial->price);
-}
-
 /* How much likelier the packet is than what else may have been sent. */
 static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
-                        const struct rl_hits *hits, double min_margin)
+                        const struct rl_hits *hits)
 {
     struct rl_window *window = trial->window;
     const struct rl_verdict *verdict = trial->verdict;
@@ -271,7 +254,7 @@ static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
     double margin = rl_rivals_margin(window, codebook, &trial->bits, transmission, verdict->packets,
                                      trial->own, trial->half_bits, id, hits);
     /* A marker whose packets are known goes on sending them more likely than it does this. */
-    if (margin >= min_margin && verdict->packets == 1 && !trial->follows) {
+    if (margin >= trial->demands->margin && verdict->packets == 1 && !trial->follows) {
         margin = fmin(margin, rl_rivals_part_margin(window, codebook, &trial->bits, transmission,
                                                     trial->own, id));
         margin = fmin(margin, rl_successive_margin(window, codebook, &trial->bits, transmission,
@@ -304,9 +287,8 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
         return verdict;
     }
     verdict.reason = RL_MARGIN;
-    const double min_margin = min_margin_of(&trial);
-    verdict.margin = margin_of(&trial, codebook, hits, min_margin);
-    if (verdict.margin < min_margin) {
+    verdict.margin = margin_of(&trial, codebook, hits);
+    if (verdict.margin < demands->margin) {
         return verdict;
     }
     rl_window_steady(window);

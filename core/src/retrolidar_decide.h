@@ -36,9 +36,7 @@ struct rl_verdict {
     struct rl_gain fit;
 };
 
-/* How many bits have to be seen, at the least, of a packet that has appeared in its middle, so that
- * its ID can be told from the others in use.
- */
+/* How many bits have to be seen, at the least, of a packet that has appeared in its middle. */
 double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands);
 
 /* Judge a hit of a channel.

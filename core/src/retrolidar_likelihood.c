@@ -8,8 +8,6 @@
 
 /* A template of less energy does not change in the window. */
 static const double NO_ENERGY = 1e-9;
-/* Share of the sensor's noise that a fit may not fall short of. */
-static const double MIN_NOISE = 0.5;
 /* The last lane repeats the one before it, so that vectors of two are full. */
 static const double Q_OVER_R[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1,
                                                0.3, 1.0,   3.0,  30.0, 30.0};
@@ -52,13 +50,13 @@ static void find_null(struct rl_whitened *whitened)
 }
 
 void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
-               const double *begin_s, const double *end_s, int rows, double period_s, double noise)
+               const double *begin_s, const double *end_s, int rows, double period_s, double least)
 {
     double variance[RL_WALK_LANES], level[RL_WALK_LANES], product[RL_WALK_LANES];
     double squares[RL_WALK_LANES] = {0.0};
     double last_s = 0.0, first = 0.0;
     int samples = 0;
-    whitened->least = MIN_NOISE * noise;
+    whitened->least = least;
     whitened->interferers = 0;
     whitened->explained = 0.0;
     memset(whitened->log_scales, 0, sizeof whitened->log_scales);
@@ -200,7 +198,7 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
 {
     double level[RL_WALK_LANES] = {0.0}, cross[RL_WALK_LANES] = {0.0};
     double power[RL_WALK_LANES] = {0.0}, shared[RL_MAX_INTERFERERS][RL_WALK_LANES] = {{0.0}};
-    struct rl_gain best = {whitened->null, 0.0, whitened->least, 0, 1.0};
+    struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
     if (whitened->samples < 3) {
         return best;
     }
@@ -237,11 +235,8 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
         const double squares = fmax(whitened->squares[walk] - explained, 0.0);
         const double likelihood = log_likelihood(whitened, walk, squares, 1, &variance);
         if (likelihood > best.log_likelihood) {
-            best = (struct rl_gain){likelihood, cross[walk] / power[walk], variance, walk, 1.0};
+            best = (struct rl_gain){likelihood, cross[walk] / power[walk], variance, walk};
         }
     }
-    /* Of each innovation, when the filter has settled. */
-    const double q = Q_OVER_R[best.walk], steps = (q + sqrt(q * q + 4.0 * q)) / 2.0;
-    best.chi_squared = best.variance * (1.0 + steps) * MIN_NOISE / whitened->least;
     return best;
 }

@@ -44,7 +44,6 @@ struct rl_gain {
     double gain;           /* g at that q, not negative */
     double variance;       /* s at that q */
     int walk;              /* which q that is */
-    double chi_squared;    /* reduced: variance of innovations, in that of the sensor's noise */
 };
 
 /* Memory that a window of so many rows takes, in doubles. */
@@ -54,10 +53,10 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory);
 /* Whiten a window.
  *
  * signal, valid, begin_s, end_s: of each row
- * period_s: of the frames; noise: variance of the sensor's
+ * period_s: of the frames; least: variance of noise that there is at least
  */
 void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
-               const double *begin_s, const double *end_s, int rows, double period_s, double noise);
+               const double *begin_s, const double *end_s, int rows, double period_s, double least);
 
 /* Fit a template, the light of each row of the window, together with the interferers. */
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);

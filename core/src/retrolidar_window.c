@@ -10,6 +10,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Share of the sensor's noise that a fit may not fall short of. */
+static const double MIN_NOISE = 0.5;
+
 int64_t rl_window_bytes(int rows)
 {
     return (rl_whitened_doubles(rows) + 4 * (int64_t)rows) * (int64_t)sizeof(double) +
@@ -96,7 +99,7 @@ static void whiten(struct rl_window *window)
     const double noise =
         rl_noise_variance(samples, window->channel, sum / fmax(window->rows, 1.0));
     rl_whiten(&window->whitened, column.signal, column.valid, samples->begin_s + window->first,
-              samples->end_s + window->first, window->rows, samples->period_s, noise);
+              samples->end_s + window->first, window->rows, samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         if (rl_interference_marker(&window->interference, i) == i) {
             add_interferer(window, i);

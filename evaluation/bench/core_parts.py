@@ -145,7 +145,6 @@ PARTS = {
     'more evidence where levels wander': Part(
         'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
     ),
-    'more margin where more than noise is left': Part('decide', 'OVERDISPERSION * excess', '0.0'),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
     ),

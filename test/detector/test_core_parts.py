@@ -112,10 +112,14 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         if case % 2:
             soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
         # Of every fourth, only a part is seen.
-        seen = (np.arange(PACKET_BITS) + case) % PACKET_BITS < (20 if case % 4 > 2 else PACKET_BITS)
-        soft *= seen
-        bits = packet(ids).astype(np.float64) * seen
-        sums = bits @ soft
+        # The last bits of the window, in which the packet begins at a bit of its own.
+        is_part = case % 4 > 2
+        shift = case % PACKET_BITS if is_part else 0
+        seen = np.arange(PACKET_BITS) >= (PACKET_BITS - 20 if is_part else 0)
+        soft *= np.roll(seen, -shift)
+        sent = packet(ids).astype(np.float64)
+        sums = sent @ soft
+        bits = np.roll(sent, shift, axis=1) * seen
         squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, bits), 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]
@@ -123,7 +127,8 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         core.lib.rl_codebook_smooth(core.codebook, energy, smoothing)
         heard = core.array(soft, 'float')
         mask = int(''.join(map(str, seen.astype(int))), 2)
-        core.lib.rl_codebook_best(core.codebook, energy, smoothing, heard, mask, least, words)
+        wanted = (mask, shift, least, words)
+        core.lib.rl_codebook_best(core.codebook, energy, smoothing, heard, *wanted)
         found = [one for one in words if one.index >= 0]
         np.testing.assert_allclose([one.squared for one in found], expected, rtol=1e-4)
         np.testing.assert_allclose(squared[[one.index for one in found]], expected, rtol=1e-4)

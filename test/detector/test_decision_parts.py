@@ -29,8 +29,8 @@ class Marker(NamedTuple):
     """Steps of the wall's signal from frame to frame [kcps/SPAD]."""
 
 
-def take_marker(core: Statistics, marker: Marker) -> tuple[Sending, float]:
-    """Let zone 0 see a marker; return what it sends and when that ends, in the core's time."""
+def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
+    """Return how much evidence a packet needs beyond what is demanded [nats]."""
     sending = Sending(
         packet(marker.id).astype(np.float64), marker.packets > 1, START_S, BIT_PERIOD_S
     )
@@ -54,12 +54,7 @@ def take_marker(core: Statistics, marker: Marker) -> tuple[Sending, float]:
         known.train[0].transmission = core.given(other._replace(start_s=0.3 - PERIOD_S / 2))[0]
         known.train[0].begin_s, known.train[0].end_s = 0.0, middle_s[-1]
     sending = sending._replace(start_s=START_S - PERIOD_S / 2)
-    return sending, sending.start_s + marker.packets * PACKET_S + 0.02
-
-
-def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
-    """Return how much evidence a packet needs beyond what is demanded [nats]."""
-    sending, to_s = take_marker(core, marker)
+    to_s = sending.start_s + marker.packets * PACKET_S + 0.02
 
     def judged(demanded: float) -> tuple[int, float]:
         hits = [(marker.id, sending)]
@@ -99,27 +94,6 @@ def test_a_packet_needs_more_evidence_where_the_level_wanders(core: Statistics) 
     for walk, asked in ((0.0, 0.0), (10.0, 12.0)):
         marker = Marker(2073, walk=walk)
         assert price(core, marker, 12.0) - price(core, marker) == pytest.approx(asked, abs=0.1)
-
-
-@pytest.mark.parametrize('walk', [0.0, 5.0, 10.0])
-def test_a_packet_needs_more_margin_where_more_than_noise_is_left(
-    core: Statistics, walk: float
-) -> None:
-    """By e-folds of the variance of innovations (Harvey 1989) in that of the noise."""
-    core.start_codebook()
-    marker = Marker(2073, walk=walk, gain=40.0)
-    sending, to_s = take_marker(core, marker)
-    hits = [(marker.id, sending)]
-    margin = core.decide(0, 1, to_s, hits).margin
-    enough, too_much = -10.0, constant('RL_MAX_MARGIN')
-    while too_much - enough > 0.01:
-        middle = (enough + too_much) / 2
-        is_read = core.decide(0, 1, to_s, hits, margin=middle).reason == core.lib.RL_READ
-        enough, too_much = (middle, too_much) if is_read else (enough, middle)
-    steps = walk**2 / LAW.variance(np.asarray(100.0 + marker.gain / 2))
-    innovations = 1.0 + (steps + np.sqrt(steps**2 + 4 * steps)) / 2
-    asked = constant('OVERDISPERSION') * np.log(innovations)
-    assert margin - enough == pytest.approx(asked, abs=1.0)
 
 
 def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: Statistics) -> None:
