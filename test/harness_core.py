@@ -34,7 +34,7 @@ TYPES = {'double': 'f8', 'float': 'f4', 'uint8_t': 'u1', 'uint16_t': 'u2'}
 def constant(name: str) -> float:
     """Return a number of the core by its name."""
     every = ''.join(path.read_text(encoding='utf-8') for path in sorted(SOURCES.glob('*.[ch]')))
-    (value,) = re.findall(rf'^static const double {name} = ([^;]*);', every, re.M)
+    (value,) = re.findall(rf'^static const (?:double|float) {name} = ([^;]*?)f?;', every, re.M)
     return float(value)
 
 

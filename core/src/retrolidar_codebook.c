@@ -10,8 +10,8 @@
 /* A word as bytes, of which the last may have spare bits. */
 enum { WORD_BYTES = (RL_WORD_BITS + 7) / 8, SPARE_BITS = 8 * WORD_BYTES - RL_WORD_BITS };
 
-/* What whitening leaves of the energy at the least: of 31 bits it leaves more, and of fewer it is
- * not known so well.
+/* Share of the energy that whitening leaves at the least: by the formula, it would leave less than
+ * nothing of some packets whose bits last as long as a frame, or of which a part is seen.
  */
 static const float MIN_ENERGY = 0.05f;
 
@@ -95,12 +95,18 @@ void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_ener
     }
 }
 
+/* Energy of dark bits and pairs of them, of which whitening takes some off. */
+static inline float energy_left(const struct rl_energy *energy, float dark, float pairs,
+                                float taken)
+{
+    const float own = energy->own * dark;
+    return rl_maxf(own + energy->adjacent * pairs - taken, MIN_ENERGY * own);
+}
+
 float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smooth, uint32_t bits)
 {
-    const float own = energy->own * (float)count_bits(bits);
-    return rl_maxf(own + 2.0f * energy->adjacent * (float)count_bits(bits & bits >> 1) -
-                       smooth_of(smooth, bits),
-                   MIN_ENERGY * own);
+    return energy_left(energy, (float)count_bits(bits),
+                       2.0f * (float)count_bits(bits & bits >> 1), smooth_of(smooth, bits));
 }
 
 /* Sums of weights over the dark bits of every byte of a word. */
@@ -141,7 +147,7 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
                       float least, struct rl_word best[2])
 {
     const bool is_whole = seen == RL_ALL_BITS;
-    const int first = RL_PACKET_BITS - shift; /* of the packet in the window */
+    const int first = RL_PACKET_BITS - shift; /* bit of the packet with which the window begins */
     float table[WORD_BYTES][256], max_low = 0.0f;
     tabulate(soft, table);
     const float preamble = rl_add_preamble(0.0f, soft);
@@ -165,8 +171,8 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
                 continue;
             }
             const float power =
-                is_whole ? energy->own * codebook->dark[word] +
-                               energy->adjacent * codebook->pairs[word] - smooth->word[word]
+                is_whole ? energy_left(energy, codebook->dark[word], codebook->pairs[word],
+                                       smooth->word[word])
                          : rl_energy_of(energy, smooth, rl_rotate_bits(packet, first) & seen);
             if (sum * sum <= best[1].squared * power) {
                 continue;

@@ -52,15 +52,6 @@ static int free_slot(const struct rl_shortlist *shortlist)
     return slot;
 }
 
-static int count_unseen(const struct rl_trial *trial)
-{
-    int unseen = 0;
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        unseen += (trial->seen & rl_packet_bit(bit)) == 0;
-    }
-    return unseen;
-}
-
 static void keep_entry(struct rl_shortlist_entry *kept, int *count, int max_entries,
                        struct rl_shortlist_entry entry)
 {
@@ -127,9 +118,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
     const int slot = free_slot(shortlist);
-    /* Without the bits that are not seen, more starts look alike. */
-    const int unseen = shifts > 1 ? count_unseen(trial) : 0;
-    const int max_words = unseen < RL_PACKET_BITS - RL_HITS ? RL_HITS + unseen : RL_PACKET_BITS;
+    /* Of a part the preamble need not be seen, so that any start may be the right one. */
+    const int max_words = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
     shortlist->slot[slot] = (struct rl_slot){*trial, *lane};
     keep_sequence(shortlist, (struct rl_shortlist_entry){upper_bound, 0, slot});
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
@@ -164,9 +154,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
  * time. In a long run the level is taken for the light of its bits, and their signs say little.
  */
 static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth *smooth,
-                          const struct rl_slot *slot)
+                          const struct rl_lane *lane)
 {
-    const struct rl_lane *lane = &slot->lane;
     float sum = lane->summary.any;
     uint32_t bits = lane->summary.dark;
     float best = sum * sum / rl_energy_of(energy, smooth, bits);
@@ -176,8 +165,7 @@ static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             const uint32_t other = bits ^ rl_packet_bit(bit);
             const float other_sum = other & ~bits ? sum + lane->soft[bit] : sum - lane->soft[bit];
-            const bool is_seen = (slot->trial.seen & rl_packet_bit(bit)) != 0;
-            if (!is_seen || other == 0 || other_sum <= 0.0f) {
+            if (other == 0 || other_sum <= 0.0f) {
                 continue;
             }
             const float squared = other_sum * other_sum / rl_energy_of(energy, smooth, other);
@@ -282,7 +270,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
         const struct rl_energy energy = energy_of(demand, &slot->trial);
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(&energy, demand->smooth, slot),
+            .bits = best_bits(&energy, demand->smooth, &slot->lane),
             .repeats = demand->repeats,
             .start_s = start_of(&slot->trial),
             .bit_s = slot->trial.bit_s,

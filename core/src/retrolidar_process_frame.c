@@ -170,7 +170,7 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 }
 
 /* Search zones in which something has appeared, and nothing was read since, with each bit, in the
- * samples since then only. Zones in which it appeared at the same time are searched together.
+ * samples since then only.
  */
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
@@ -178,15 +178,9 @@ static void search_appeared(struct rl_detector *detector, double to_s)
     const double min_bits = rl_decide_min_bits(&detector->search.codebook, &detector->demands);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
-        int channels[RL_MAX_ZONES], count = 0;
-        for (int other = 0; other < detector->samples.zones; other++) {
-            if (detector->active_s[other] == since_s &&
-                detector->consumed_until_s[other] < since_s) {
-                channels[count++] = other;
-            }
-        }
-        if (bits >= min_bits && bits < RL_PACKET_BITS && count > 0 && channels[0] == zone) {
-            search(detector, channels, count, 1, to_s, to_s, since_s);
+        if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
+            bits < RL_PACKET_BITS) {
+            search(detector, &zone, 1, 1, to_s, to_s, since_s);
         }
     }
 }

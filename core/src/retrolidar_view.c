@@ -145,7 +145,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     const float bit_s = (float)trial->bit_s;
     const float first_s =
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
-    float shared = 0.0f, seen_bits = 0.0f;
+    float shared = 0.0f, seen = 0.0f;
     trial->seen = 0;
     for (int bit = 0; bit <= bits; bit++) {
         const float time_s = first_s + (float)bit * bit_s;
@@ -156,7 +156,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
         shared += share * (1.0f - share);
         if (bit > 0 && time_s > 0.0f) {
             trial->seen |= rl_packet_bit((bit - 1) % RL_PACKET_BITS);
-            seen_bits += rl_minf(time_s / bit_s, 1.0f);
+            seen += 1.0f;
         }
     }
     /* A bit has an energy of 1 for each exposure, less what it shares with the bits beside it. */
@@ -164,8 +164,8 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     const float exposures = (float)(last->row - first->row) + last->share - first->share;
     const float outside = first->share * (1.0f - first->share);
     const float ended = last->share * (1.0f - last->share);
-    trial->own = (exposures - 2.0f * shared + outside + ended) / rl_maxf(seen_bits, 1.0f);
-    trial->adjacent = (shared - outside) / rl_maxf(seen_bits, 1.0f);
+    trial->own = (exposures - 2.0f * shared + outside + ended) / rl_maxf(seen, 1.0f);
+    trial->adjacent = (shared - outside) / rl_maxf(seen, 1.0f);
 }
 
 /* Power and number of the samples of a lane; bits of which samples are missing have so much less

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics, bind_core
+from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics, bind_core, constant
 from harness_frames import recording_of
 from numpy.typing import NDArray
 from oracle import Sending, light
@@ -106,13 +106,12 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
     smoothing, words = core.ffi.new('struct rl_smooth *'), core.ffi.new('struct rl_word[2]')
     for case in range(40):
         own, adjacent = rng.uniform(1.2, 2.0), rng.uniform(0, 0.3)
-        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9])
+        smooth, pair, decay = rng.uniform(0, [0.1, 0.1, 0.9] if case % 5 else [0.5, 0.5, 0.9])
         lags = np.append(smooth, pair * decay ** np.arange(PACKET_BITS - 1))
         soft = rng.standard_normal(PACKET_BITS)
         if case % 2:
             soft += rng.uniform(0, 3) * (2.0 * packet(rng.choice(ids)) - 1)
-        # Of every fourth, only a part is seen.
-        # The last bits of the window, in which the packet begins at a bit of its own.
+        # Of every fourth, only the last bits of a window are seen, and it begins in the middle.
         is_part = case % 4 > 2
         shift = case % PACKET_BITS if is_part else 0
         seen = np.arange(PACKET_BITS) >= (PACKET_BITS - 20 if is_part else 0)
@@ -120,15 +119,19 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         sent = packet(ids).astype(np.float64)
         sums = sent @ soft
         bits = np.roll(sent, shift, axis=1) * seen
-        squared = np.where(sums > 0, sums**2 / energies(own, adjacent, lags, bits), 0)
+        # Whitening would leave less than nothing of some.
+        energy = np.maximum(
+            energies(own, adjacent, lags, bits), constant('MIN_ENERGY') * own * bits.sum(axis=1)
+        )
+        squared = np.where(sums > 0, sums**2 / energy, 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]
-        energy = core.ffi.new('struct rl_energy *', (own, adjacent, smooth, pair, decay))
-        core.lib.rl_codebook_smooth(core.codebook, energy, smoothing)
+        given = core.ffi.new('struct rl_energy *', (own, adjacent, smooth, pair, decay))
+        core.lib.rl_codebook_smooth(core.codebook, given, smoothing)
         heard = core.array(soft, 'float')
         mask = int(''.join(map(str, seen.astype(int))), 2)
         wanted = (mask, shift, least, words)
-        core.lib.rl_codebook_best(core.codebook, energy, smoothing, heard, *wanted)
+        core.lib.rl_codebook_best(core.codebook, given, smoothing, heard, *wanted)
         found = [one for one in words if one.index >= 0]
         np.testing.assert_allclose([one.squared for one in found], expected, rtol=1e-4)
         np.testing.assert_allclose(squared[[one.index for one in found]], expected, rtol=1e-4)
