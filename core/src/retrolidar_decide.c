@@ -243,6 +243,18 @@ static bool is_word(struct trial *trial, const struct rl_codebook *codebook,
     return verdict->word <= max_word_of(trial, codebook);
 }
 
+/* By how much a packet in a sum of zones must be likelier besides. Markers of several zones blink in
+ * it, and together may look like another one: that is a gain more, and the more they leave over, the
+ * sooner.
+ */
+static double price_of_sum(const struct trial *trial)
+{
+    const struct rl_verdict *verdict = trial->verdict;
+    const bool is_sum = trial->window->samples->channel[verdict->channel].zones > 1;
+    const double excess = rl_excess_variance(&trial->window->whitened, &verdict->fit);
+    return is_sum && !trial->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
+}
+
 /* How much likelier the packet is than what else may have been sent. */
 static double margin_of(struct trial *trial, const struct rl_codebook *codebook,
                         const struct rl_hits *hits)
@@ -288,7 +300,7 @@ struct rl_verdict rl_decide(struct rl_window *window, const struct rl_codebook *
     }
     verdict.reason = RL_MARGIN;
     verdict.margin = margin_of(&trial, codebook, hits);
-    if (verdict.margin < demands->margin) {
+    if (verdict.margin < demands->margin + price_of_sum(&trial)) {
         return verdict;
     }
     rl_window_steady(window);

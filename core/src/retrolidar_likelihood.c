@@ -240,3 +240,11 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
     }
     return best;
 }
+
+double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit)
+{
+    const double q = Q_OVER_R[fit->walk];
+    /* Of a filter that follows a wandering level, in the steady state. */
+    const double innovation = 1.0 + (q + sqrt(q * q + 4.0 * q)) / 2.0;
+    return fit->variance * innovation / whitened->least;
+}

@@ -81,8 +81,13 @@ PARTS = {
     'what has appeared: energy of bits seen': Part(
         'hits', 'trial->seen, entry->shift', 'RL_ALL_BITS, entry->shift'
     ),
+    'what has appeared: bits in order of time': Part(
+        'codebook',
+        'rl_rotate_bits(packet, first) & seen',
+        'packet & rl_rotate_bits(seen, RL_PACKET_BITS - first)',
+    ),
     'what has appeared: all starts kept': Part(
-        'hits', 'shifts > 1 ? count_unseen(trial) : 0', '0 * count_unseen(trial)'
+        'hits', 'RL_ALL_BITS ? RL_PACKET_BITS', 'RL_ALL_BITS ? RL_HITS'
     ),
     'what has appeared: with each bit': Part(
         'process_frame',
@@ -100,6 +105,9 @@ PARTS = {
     'word test: bits of the search': Part('word', 'i < hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
         'decide', 'if (verdict.margin < demands->margin) {', 'if (false) {'
+    ),
+    'margin: more of it in sums of zones': Part(
+        'decide', 'is_sum && !trial->follows', 'false && is_sum'
     ),
     'margin: other IDs one after the other': Part(
         'decide',

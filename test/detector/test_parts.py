@@ -76,6 +76,7 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
         pytest.param(8110, 9, id='bits not known'),
         pytest.param(10301, 63, id='bits not known of what appeared'),
         pytest.param(10001, 169, id='preamble'),
+        pytest.param(10506, 154, id='sums of zones'),
     ],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
