@@ -57,7 +57,7 @@ def test_a_lone_packet_is_read_once_by_its_last_frame(method: str) -> None:
     middle_ns = 2.0e9 + (middle_bits if method == 'joint' else 15.5) * 42e6
     assert detection.stamp_ns == pytest.approx(middle_ns, abs=50e6)
     assert detection.end_ns == read_ns
-    assert detection.bit_period_s == pytest.approx(0.042, rel=0.006)
+    assert detection.bit_period_s == pytest.approx(0.042, rel=0.003)
     assert (detection.packets, detection.corrected_bits) == (1, 0)
     assert 0.9 < detection.score <= 1
     (noiseless,) = run(simulate(replace(a_scene(), sensor=Sensor())), method)
