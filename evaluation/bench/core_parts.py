@@ -104,7 +104,7 @@ PARTS = {
     ),
     'word test: bits of the search': Part('word', 'i < hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
-        'decide', 'if (verdict.margin < demands->margin) {', 'if (false) {'
+        'decide', 'if (verdict.margin < demands->margin + price_of_sum(&trial)) {', 'if (false) {'
     ),
     'margin: more of it in sums of zones': Part(
         'decide', 'is_sum && !trial->follows', 'false && is_sum'
