@@ -41,6 +41,8 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
         .begin_s = samples->begin_s + *first,
         .end_s = samples->end_s + *first,
         .light = detector->window.light,
+        .alone = detector->window.part,
+        .other = detector->window.seen,
     };
     rl_template(&transmission, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
     return seen;
@@ -54,6 +56,22 @@ static void look_at(struct rl_detector *detector, struct rl_seen *seen, int firs
     seen->valid = column.valid;
     seen->signal = column.signal;
     seen->distance = detector->samples.distance + rl_sample(&detector->samples, zone, first);
+}
+
+/* Lay the light of other markers that were read in a zone at the time. */
+static void lay_others(const struct rl_detector *detector, const struct rl_reading *reading,
+                       int zone, struct rl_seen *seen)
+{
+    const struct rl_pool *pool = &detector->pool;
+    seen->others = 0;
+    for (int i = 0; i < RL_POOL && i < pool->added && seen->others < RL_MAX_OTHERS; i++) {
+        const struct rl_active_track *track = &pool->track[(pool->added - 1 - i) % RL_POOL];
+        if (track->id != reading->id && (track->zones >> zone & 1u) != 0 &&
+            track->train.end_s > reading->begin_s && track->train.begin_s < reading->end_s) {
+            rl_train_light(&track->train, true, seen->begin_s, seen->end_s, seen->rows,
+                           seen->other + seen->others++ * seen->rows);
+        }
+    }
 }
 
 static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude *amplitude)
@@ -133,8 +151,8 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
 }
 
 /* The mean of the ranges of the zones, weighted by one over the variance. */
-static bool find_range(struct rl_detector *detector, struct rl_seen *seen, int first,
-                       struct rl_placement *placement)
+static bool find_range(struct rl_detector *detector, const struct rl_reading *reading,
+                       struct rl_seen *seen, int first, struct rl_placement *placement)
 {
     const double *z_per_range = seen->sensor->z_per_range;
     double precision = 0.0, range_m = 0.0, time_s = 0.0;
@@ -144,6 +162,7 @@ static bool find_range(struct rl_detector *detector, struct rl_seen *seen, int f
         look_at(detector, seen, first, zone);
         /* A distance is of all the light that comes back. */
         seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
+        lay_others(detector, reading, zone, seen);
         if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
             /* The sensor's own projection has the factor of the zone and not of the target. */
             const double weight = z_per_range[zone] * z_per_range[zone] / ranged.variance;
@@ -274,7 +293,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, do
         fit_amplitude(&seen, zone, &amplitude);
     }
     choose_zones(samples, reading, &amplitude, placement);
-    if (!find_range(detector, &seen, first, placement)) {
+    if (!find_range(detector, reading, &seen, first, placement)) {
         return false;
     }
     const int strongest = placement->zone[0];

@@ -3,6 +3,7 @@
  */
 #include "retrolidar_ranging.h"
 
+#include "retrolidar_blinking_range.h"
 #include "retrolidar_math.h"
 
 #include <math.h>
@@ -13,6 +14,8 @@ enum { OWN = 1, DARK = 2, MIN_DISTANCES = 2 };
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
 /* Distance of a marker from the surface that it is mounted on. */
 static const double MOUNTING_M = 0.005;
+/* Deviations of what is common by chance. */
+static const double CHANCE = 2.0;
 static const double TWO_PI = 6.283185307179586;
 
 /* The value that a share of some values are below, which it moves. */
@@ -64,59 +67,36 @@ static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, doubl
                       chance * (1 - chance) * apart_m * apart_m;
 }
 
-/* Signal times distance from a depth. */
-static double product_of(const struct rl_seen *seen, int row, double from_m)
+/* What `alone` deviates from a line in the samples in which the marker was seen, as variances: all
+ * of it, and what samples have in common with the ones before them beyond chance. That is motion:
+ * the mean of a packet is not where the marker was in its middle, however many samples there are.
+ */
+static void deviations(const struct rl_seen *seen, const uint8_t *role, double middle_s,
+                       double *own, double *common)
 {
-    const double distance = (double)seen->distance[row];
-    return isfinite(distance) ? (double)seen->signal[row] * (distance - from_m) : 0.0;
-}
-
-/* Find the distance of what blinks, from a first guess; false where nothing does. */
-static bool part(const struct rl_seen *seen, const uint8_t *role, double about_m,
-                 struct rl_ranged *parted)
-{
-    double mean = 0.0, energy = 0.0, gain = 0.0, slope = 0.0, products = 0.0, from_m = about_m;
-    int count = 0;
+    double count = 0.0, mean = 0.0, times = 1e-12, cross = 0.0, squares = 0.0, alike = 0.0;
     for (int row = 0; row < seen->rows; row++) {
-        mean += role[row] ? seen->light[row] : 0.0;
-        count += role[row] != 0;
+        const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
+        if (role[row] & OWN) {
+            count += 1.0;
+            mean += seen->alone[row];
+            times += since_s * since_s;
+            cross += since_s * seen->alone[row];
+        }
     }
     mean /= count;
+    double before = 0.0;
     for (int row = 0; row < seen->rows; row++) {
-        const double change = role[row] ? seen->light[row] - mean : 0.0;
-        energy += change * change;
-        gain += change * (double)seen->signal[row];
-    }
-    if (!(energy > 0.0) || !(gain > 0.0)) {
-        return false;
-    }
-    gain /= energy;
-    /* Distances count from the marker, so that noise of the signal moves nothing; the second time
-     * they do, and what is left over says how sure the result is.
-     */
-    for (int turn = 0; turn < 2; turn++) {
-        from_m = about_m;
-        slope = products = 0.0;
-        for (int row = 0; row < seen->rows; row++) {
-            if (role[row]) {
-                const double product = product_of(seen, row, from_m);
-                slope += (seen->light[row] - mean) * product / energy;
-                products += product;
-            }
-        }
-        about_m += slope / gain;
-    }
-    double squares = 0.0;
-    for (int row = 0; row < seen->rows; row++) {
-        if (role[row]) {
-            const double left = product_of(seen, row, from_m) - products / count -
-                                slope * (seen->light[row] - mean);
-            squares += left * left;
+        if (role[row] & OWN) {
+            const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
+            const double off = seen->alone[row] - mean - cross / times * since_s;
+            squares += off * off;
+            alike += off * before;
+            before = off;
         }
     }
-    parted->depth_m = about_m;
-    parted->variance = squares / fmax(count - 2, 1) / energy / (gain * gain);
-    return true;
+    *own = squares / fmax(count - 2.0, 1.0);
+    *common = fmax(alike / count - CHANCE * *own / sqrt(count), 0.0);
 }
 
 /* Mark the samples that the marker itself was seen in; return how many there are. */
@@ -133,8 +113,10 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
     if (count == 0) {
         return 0;
     }
-    /* A moving marker is in the zone for a part of the time only. */
-    const double least = IN_ZONE * quantile(values, count, BRIGHTEST);
+    /* A moving marker is in the zone for a part of the time only; of one beside others, that is not
+     * to be seen in the signal.
+     */
+    const double least = seen->others > 0 ? 0.0 : IN_ZONE * quantile(values, count, BRIGHTEST);
     for (int row = 0; row < seen->rows; row++) {
         role[row] = role[row] && (double)seen->signal[row] > least;
         if (role[row]) {
@@ -157,7 +139,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
 {
     const struct rl_sensor *sensor = seen->sensor;
     const int own = mark_own(seen, values, role);
-    double depth_m = 0.0, time_s = 0.0, signal = 0.0, squares = 0.0, behind = 0.0;
+    double depth_m = 0.0, time_s = 0.0, signal = 0.0, behind = 0.0;
     int dark = 0, walls = 0;
     if (own < MIN_DISTANCES) {
         return false;
@@ -176,17 +158,24 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
             }
         }
     }
+    *ranged = (struct rl_ranged){depth_m, 0.0, time_s};
+    double noise, common;
     for (int row = 0; row < seen->rows; row++) {
-        const double deviation = role[row] & OWN ? (double)seen->distance[row] - depth_m : 0.0;
-        squares += deviation * deviation;
+        seen->alone[row] = (double)seen->distance[row];
     }
-    *ranged = (struct rl_ranged){depth_m, squares / (own - 1) / own, time_s};
+    deviations(seen, role, time_s, &noise, &common);
+    ranged->variance = noise / own;
     struct rl_ranged parted;
-    if (dark > 0 && part(seen, role, depth_m, &parted) &&
-        !(walls > 0 &&
-          is_apart(quantile(values, walls, 0.5), depth_m, &parted, sensor->separable_m))) {
+    const bool blinks = dark > 0 && rl_blinking_range(seen, role, depth_m, &parted);
+    if (blinks && seen->others > 0) {
+        /* Their light is in the mean of the distances, too. */
+        *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s};
+        deviations(seen, role, time_s, &noise, &common);
+    } else if (blinks && !(walls > 0 && is_apart(quantile(values, walls, 0.5), depth_m, &parted,
+                                                 sensor->separable_m))) {
         weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3), sensor->separable_m);
     }
+    ranged->variance += common;
     /* Quantisation adds the variance of a uniform distribution. */
     ranged->variance += sensor->distance_step_m * sensor->distance_step_m / 12.0 / own;
     /* Noise may put it beyond. */

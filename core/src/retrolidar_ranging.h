@@ -1,13 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Distance of a marker, without the background behind it.
- *
- * A target too near to the marker to be separated merges with it, and the distance reported is the
- * mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part
- * is modulated and the background's is not: the modulation of signal times distance over that of
- * the signal is the distance of the marker alone.
- */
+/* Distance of a marker, without the background behind it and other markers beside it. */
 #ifndef RETROLIDAR_RANGING_H
 #define RETROLIDAR_RANGING_H
 
@@ -17,12 +11,17 @@
 #include <stdbool.h>
 
 /* binding */
+enum { RL_MAX_OTHERS = 2 }; /* markers beside one in a zone */
+
 /* What one zone saw of a packet, sample by sample. */
 struct rl_seen {
     const struct rl_sensor *sensor;
     int32_t rows;
     const double *begin_s, *end_s; /* of each exposure [s] */
     const double *light;           /* how bright the marker was, 0 to 1 */
+    int32_t others;                /* markers besides that are known to blink in the zone ... */
+    double *other;                 /* ... and their light, overwritten, others * rows */
+    double *alone;                 /* memory of rows: what of the light is not as theirs */
     const uint8_t *valid;
     const float *signal;   /* [kcps/SPAD] */
     const float *distance; /* along the optical axis [m], NaN where there was no target */

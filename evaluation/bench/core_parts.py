@@ -161,6 +161,42 @@ PARTS = {
         'samples->interference_removed[channel] ||',
         'true || samples->interference_removed[channel] ||',
     ),
+    'zones: those near the reading only': Part(
+        'placement',
+        'is_near(samples, reading, zone) &&',
+        '(true || is_near(samples, reading, zone)) &&',
+    ),
+    'zones: less what else blinks': Part('placement', '= 2.0 * fmax(alike, 0.0)', '= 0.0 * alike'),
+    'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
+    'range: other markers fitted along': Part(
+        'placement', 'seen->others < RL_MAX_OTHERS;', 'seen->others < 0;'
+    ),
+    'range: background subtracted': Part(
+        'ranging', 'blinks = dark > 0 &&', 'blinks = seen->others > 0 &&'
+    ),
+    'range: background that is apart': Part('ranging', '!(walls > 0 && is', '!(false && is'),
+    'range: or a mounting': Part(
+        'ranging', 'chance = anywhere / (mounted + anywhere)', 'chance = 0.0 * mounted + 1.0'
+    ),
+    'range: samples within the zone': Part(
+        'ranging', 'seen->others > 0 ? 0.0 : IN_ZONE', 'seen->others > -1 ? 0.0 : IN_ZONE'
+    ),
+    'range: samples near the middle one': Part(
+        'ranging', 'about_m) < seen->sensor->separable_m', 'about_m) < INFINITY'
+    ),
+    'range: variance of motion': Part('ranging', 'variance += common', 'variance += 0.0 * common'),
+    'bearing: noise that goes on': Part(
+        'placement', '(1.0 + 2.0 * fmax(alike', '(1.0 + 0.0 * fmax(alike'
+    ),
+    'bearing: light that is hidden': Part('placement', '+= hidden * hidden', '+= 0.0 * hidden'),
+    'bearing: neighbours': Part(
+        'bearing', '1.0 / (variance[other] + doubt * doubt)', '(other == zone) / (doubt * doubt)'
+    ),
+    'bearing: error of the model': Part('bearing', 'MODEL_ERROR = 0.02', 'MODEL_ERROR = 0.001'),
+    'bearing: blur of the other axis': Part(
+        'bearing', 'belief[1 - axis].blur[i] * prior_of', 'prior_of'
+    ),
+    'bearing: less blur is likelier': Part('bearing', '1.0 / sqrt(blur)', '1.0'),
 }
 """By what they do."""
 

@@ -13,6 +13,7 @@ from evaluation.bench import room_families as families
 from evaluation.bench.core_parts import lines_of_core
 from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.judging import judged
+from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.recordings import record
 from evaluation.bench.room_scene import Room
 from evaluation.bench.rooms import RoomResult, play, play_room
@@ -32,6 +33,7 @@ _LONE_SIGNAL, _REPEATED_SIGNAL = 6.0, 2.5  # near the end of the reach [kcps/SPA
 _REPEATED_PACKETS = 8
 _STRETCH_S = 8.0
 _DISTURBANCES = ('walk 0.3', 'come and go', 'hands', 'random levels', 'other bit periods')
+_FAR_OFF_M = 0.1  # an error of range that counts as no larger
 _WATCHED_S = 8.0  # longest time to a first ID that is counted
 
 
@@ -39,7 +41,7 @@ class Outcome(NamedTuple):
     """The result of a scene."""
 
     found: float
-    """Packets that were read; where a marker appears, the time to its first ID [s], negative."""
+    """Packets that were read; times to a first ID [s] and errors of places are negative."""
     of: float  # packets to be read, or the time that was watched
     wrong: int  # IDs
     cpu_s: float = 0.0  # of the detector; 0 where it was not measured
@@ -52,6 +54,17 @@ def _outcome(result: RoomResult) -> Outcome:
         if packet.whole and packet.snr_db > MIN_DB
     ]
     return Outcome(sum(whole), len(whole), len(result.scored.wrong), result.cpu_s)
+
+
+def _placed(result: RoomResult) -> dict[str, Outcome]:
+    """Return mean errors of places, and the share beyond their ellipsoids, all negative."""
+    placed = result.scored.placed
+    errors = {
+        'range': [min(abs(one.error.range_m), _FAR_OFF_M) for one in placed],
+        'bearing': [max(map(abs, one.bearing_zones)) for one in placed],
+        'ellipsoid': [float(one.error.squared_distance > ELLIPSOID) for one in placed],
+    }
+    return {name: Outcome(-float(np.mean(off or 0.0)), 1, 0) for name, off in errors.items()}
 
 
 def _appearing(registered: int | None, signal: float, rng: np.random.Generator) -> Outcome:
@@ -94,8 +107,10 @@ def measure(seed: int, times: float) -> dict[str, Any]:
             detector = create_detector('joint', ZoneGrid(), **budget)
             (block,) = member.blocks(_STRETCH_S, rng)
             silent.append(Outcome(0, 0, len(detector.update_all(block))))
+    played = [play(number, seed) for number in range(max(1, round(_ROOMS * times)))]
+    places = [_placed(result) for result in played]
     return {
-        'rooms': [_outcome(play(number, seed)) for number in range(max(1, round(_ROOMS * times)))],
+        'rooms': [_outcome(result) for result in played],
         'pairs': rooms(
             10,
             _PAIRS,
@@ -115,6 +130,7 @@ def measure(seed: int, times: float) -> dict[str, Any]:
             for rng in rngs(family, _FAINT)
             for outcome in _faint(lone, rng)
         ],
+        **{name: [room[name] for room in places] for name in places[0]},
         'no marker': silent,
         'lines': lines_of_core(),
     }

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evaluation.bench.places import PlaceError, place_error
 from evaluation.bench.room_markers import RoomMarker
-from evaluation.bench.room_scene import RoomSimulation
+from evaluation.bench.room_scene import Room, RoomSimulation
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE
@@ -71,6 +72,15 @@ class WrongReading(NamedTuple):
     signal: str
 
 
+class Placed(NamedTuple):
+    """How far a right reading is from its marker, at the stamp of its place."""
+
+    motion: str
+    company: str
+    bearing_zones: tuple[float, float]  # across and down, measured less true
+    error: PlaceError
+
+
 class Scored(NamedTuple):
     """The result of a room."""
 
@@ -78,6 +88,7 @@ class Scored(NamedTuple):
     read: list[bool]  # of each packet, whether it was read
     readings: list[tuple[float, bool]]  # margin of each reading [nats], and whether it is right
     wrong: list[WrongReading]
+    placed: list[Placed]  # of right readings
     misdated: int  # right readings whose packet began a packet later than reported
 
 
@@ -148,6 +159,7 @@ def score(
     spans: list[list[tuple[float, float]]] = [[] for _ in sent]
     readings: list[tuple[float, bool]] = []
     wrong: list[WrongReading] = []
+    placed: list[Placed] = []
     misdated = 0
     for one in detections:
         last_s, lasting_s = 1e-9 * one.end_ns, one.packets * PACKET_BITS * one.bit_period_s
@@ -173,6 +185,8 @@ def score(
         readings.append((one.decision_margin, right))
         if right:
             misdated += begin_s != start_s
+            longest = sent[max(mine, key=lambda place: _overlap_s(sent[place], span_s))]
+            placed.append(_placed(one, longest, room))
             for place in mine:
                 spans[place].append(span_s)
             continue
@@ -198,7 +212,17 @@ def score(
             )
         )
     read = [_covered(p, spans[place]) for place, p in enumerate(sent)]
-    return Scored(list(sent), read, readings, wrong, misdated)
+    return Scored(list(sent), read, readings, wrong, placed, misdated)
+
+
+def _placed(one: Detection, packet: SentPacket, room: Room) -> Placed:
+    """Compare the place of a right reading with its marker's."""
+    stamp_s = np.array([1e-9 * one.stamp_ns])
+    (truth_m,) = room.markers[packet.marker].course.positions(stamp_s)
+    both_m = np.array([one.place.position_m, truth_m])
+    across, down = (_tangents(both_m, 2) / room.scene.sensor.grid.pitch).T
+    bearing = (float(across[0] - across[1]), float(down[0] - down[1]))
+    return Placed(packet.motion, packet.company, bearing, place_error(one.place, truth_m))
 
 
 def _overlap_s(packet: SentPacket, span_s: tuple[float, float]) -> float:

@@ -31,7 +31,11 @@ FAMILIES = {
     'crossing': 'crossing\nzones',
     'faint': 'at the\nlimit',
     'appearing': 'first\nID later',
+    'range': 'range\noff',
+    'bearing': 'bearing\noff',
+    'ellipsoid': 'out of\nellipsoid',
 }
+_NEGATIVE = ('appearing', 'range', 'bearing', 'ellipsoid')  # times and errors
 _WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
 _HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
 _KEPT = Path(gettempdir()) / 'retrolidar_core_parts'
@@ -115,7 +119,7 @@ class Row(NamedTuple):
 
     name: str
     lost: dict[str, float]
-    """Percent of packets, or of the time to the first ID, and wrong IDs more, by column."""
+    """Percent of packets, of the time to the first ID, or of the error, and wrong IDs more."""
     sigmas: dict[str, float]
     """Of wrong IDs with and without a marker together."""
     time: float  # that a frame takes less [%]
@@ -133,8 +137,7 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
     def percent(row: dict[str, Any], name: str) -> float:
         if name not in FAMILIES:
             return float(row[name]['lost'])
-        # The time to the first ID counts as negative.
-        of = figures['whole'][name][0 if name == 'appearing' else 1]
+        of = figures['whole'][name][0 if name in _NEGATIVE else 1]
         return float(100 * row[name]['lost'] / abs(of))
 
     parts = [
@@ -213,7 +216,7 @@ def draw(figures: dict[str, Any]) -> Any:
     axis.set_yticks(range(len(parts)), [one.name for one in parts], fontsize=9.5)
     axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
     figure.supxlabel(
-        'What changes without it: packets lost [%], first ID later [%], IDs more.\n'
+        'What changes without it: packets lost [%], time or error more [%], IDs more.\n'
         f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better without.\n'
         'Those below the line gain nothing that shows in these scenes.',
         fontsize=10,

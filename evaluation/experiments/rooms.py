@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.bench.places import held
 from evaluation.bench.rates import rate
 from evaluation.bench.room_markers import MOTIONS, SENDINGS
 from evaluation.bench.room_truth import BRIGHT_DB, COMPANY, SIGNALS, SentPacket, WrongReading
 from evaluation.bench.rooms import RoomResult, play
 from evaluation.report.chart_style import WRONG_COLOUR, new_chart
-from evaluation.report.claims import NOTHING, Table
+from evaluation.report.claims import NOTHING, Table, percent
 
 TITLE = 'Random rooms'
 ROOMS, QUICK_ROOMS = 300, 8
@@ -82,11 +83,31 @@ def summary(results: Sequence[RoomResult]) -> dict[str, Any]:
         'misdated': sum(result.scored.misdated for result in results),
         'cpu_us_per_frame': 1e6 * sum(result.cpu_s for result in results) / max(frames, 1),
         'cells': cells,
+        'places': [_place(results, company, motion) for company in COMPANY for motion in MOTIONS],
         'wrong_ids': [
             {'room': result.room, **one._asdict()}
             for result in results
             for one in result.scored.wrong
         ],
+    }
+
+
+def _place(results: Sequence[RoomResult], company: str, motion: str) -> dict[str, Any]:
+    """Return how far right readings are from their markers."""
+    placed = [one for result in results for one in result.scored.placed]
+    own = [one for one in placed if (one.company, one.motion) == (company, motion)]
+    off_mm = [1e3 * abs(one.error.range_m) for one in own]
+    bearing = [max(map(abs, one.bearing_zones)) for one in own]
+    quantiles = [
+        np.quantile(off, (0.5, 0.9)).tolist() if own else None for off in (off_mm, bearing)
+    ]
+    return {
+        'company': company,
+        'motion': motion,
+        'readings': len(own),
+        'range_mm': quantiles[0],  # half and nine tenths are less off
+        'bearing_zones': quantiles[1],
+        'ellipsoid_holds': held([one.error.squared_distance for one in own]),
     }
 
 
@@ -129,6 +150,19 @@ def wrong_table(figures: dict[str, Any]) -> Table:
         ['all readings', f'{wrong["hits"]} of {wrong["trials"]}', share],
         [f'margin of {top["margin"]:g} nats or more', f'{top["wrong"]} of {top["readings"]}', ''],
     ]
+
+
+def place_table(figures: dict[str, Any]) -> Table:
+    """Return errors of places by company and motion."""
+    heads = ['right readings', 'range, half and nine tenths within', 'in the 95 % ellipsoid']
+    rows = [['', *heads]]
+    for one in figures['places']:
+        if one['readings']:
+            name = f'{_COMPANY.get(one["company"], one["company"])}, {_MOTIONS[one["motion"]]}'
+            half, most = one['range_mm']
+            holds = percent(one['ellipsoid_holds'])
+            rows.append([name, str(one['readings']), f'{half:.1f}, {most:.0f} mm', holds])
+    return rows
 
 
 def _share(packets: int, read: int) -> str:

@@ -113,9 +113,12 @@ def test_a_single_zone_without_noise_gives_its_middle() -> None:
 
 
 def ranged(
-    light: Floats, weight: Floats, signal: Floats, distance: Floats
+    light: Floats, weight: Floats, signal: Floats, distance: Floats, other: 'Floats | None' = None
 ) -> tuple[float, float] | None:
-    """Return what the core makes of one zone: depth and standard deviation [m]."""
+    """Return what the core makes of one zone: depth and standard deviation [m].
+
+    The light of another marker may be known.
+    """
     rows, time_s = len(light), 0.021 * np.arange(len(light) + 1)
     held: dict[str, Any] = {
         'begin_s': array('double', time_s[:-1]),
@@ -124,6 +127,9 @@ def ranged(
         'valid': array('uint8_t', weight),
         'signal': array('float', signal),
         'distance': array('float', distance),
+        'others': int(other is not None),
+        'other': array('double', np.zeros(rows) if other is None else other.copy()),
+        'alone': array('double', np.zeros(rows)),
     }
     sensor = core_sensor(VL53L8CX, ZoneGrid())
     seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
@@ -163,6 +169,39 @@ def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float)
         scores.append((depth_m - 1.5) / stddev_m)
     assert abs(np.mean(scores)) < 0.6
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+@pytest.mark.parametrize('other_m', [1.3, 1.7])
+def test_a_marker_beside_another_has_its_own_range(other_m: float) -> None:
+    scores = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        light, other = rng.integers(0, 2, (2, 62)).astype(float)
+        signal = 40 * light + 120 * other + 5
+        distance = (40 * light * 1.5 + 120 * other * other_m + 5 * 1.8) / signal
+        distance += 0.49 / signal * rng.standard_normal(62)
+        found = ranged(light, np.ones(62), signal, distance, other)
+        assert found is not None
+        assert found[1] < 0.03
+        scores.append((found[0] - 1.5) / found[1])
+    assert abs(np.mean(scores)) < 0.6
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_the_range_of_a_marker_that_sways_is_that_unsure() -> None:
+    scores = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        light, time_s = rng.integers(0, 2, 62).astype(float), 0.021 * (np.arange(62) + 0.5)
+        turn = rng.uniform(0, 2 * np.pi)
+        own_m = 1.5 + 0.02 * np.sin(2 * np.pi * time_s / 1.5 + turn)
+        distance = np.where(light > 0, own_m + 0.004 * rng.standard_normal(62), np.nan)
+        found = ranged(light, np.ones(62), 100 * light, distance)
+        assert found is not None
+        middle_s = time_s[light > 0].mean()
+        there_m = 1.5 + 0.02 * np.sin(2 * np.pi * middle_s / 1.5 + turn)
+        scores.append((found[0] - there_m) / found[1])
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 2.0
 
 
 def test_a_range_needs_distances() -> None:

@@ -1,0 +1,108 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+#include "retrolidar_blinking_range.h"
+
+#include <math.h>
+#include <string.h>
+
+static const double MIN_ENERGY = 1e-9; /* of light that blinks at all */
+
+/* Signal times distance from a depth. */
+static double product_of(const struct rl_seen *seen, int row, double from_m)
+{
+    const double distance = (double)seen->distance[row];
+    return isfinite(distance) ? (double)seen->signal[row] * (distance - from_m) : 0.0;
+}
+
+/* Subtract the mean of the samples in use from light, and set it to 0 in all others. */
+static void centre(const uint8_t *role, int rows, double *light)
+{
+    double mean = 0.0, count = 1e-9;
+    for (int row = 0; row < rows; row++) {
+        mean += role[row] ? light[row] : 0.0;
+        count += role[row] != 0;
+    }
+    for (int row = 0; row < rows; row++) {
+        light[row] = role[row] ? light[row] - mean / count : 0.0;
+    }
+}
+
+static double product(const double *a, const double *b, int rows)
+{
+    double sum = 0.0;
+    for (int row = 0; row < rows; row++) {
+        sum += a[row] * b[row];
+    }
+    return sum;
+}
+
+/* Subtract from a column what of it follows the light of another marker. */
+static void subtract(const double *other, int rows, double *column)
+{
+    const double energy = fmax(product(other, other, rows), MIN_ENERGY);
+    const double share = product(other, column, rows) / energy;
+    for (int row = 0; row < rows; row++) {
+        column[row] -= share * other[row];
+    }
+}
+
+/* Make the light of the others, and then the marker's own, orthogonal to all before. Return the
+ * energy of the latter.
+ */
+static double orthogonalise(const struct rl_seen *seen, const uint8_t *role)
+{
+    const int rows = seen->rows;
+    memcpy(seen->alone, seen->light, (size_t)rows * sizeof *seen->alone);
+    for (int i = 0; i <= seen->others; i++) {
+        double *light = i < seen->others ? seen->other + i * rows : seen->alone;
+        centre(role, rows, light);
+        for (int before = 0; before < i; before++) {
+            subtract(seen->other + before * rows, rows, light);
+        }
+    }
+    return product(seen->alone, seen->alone, rows);
+}
+
+bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
+                       struct rl_ranged *found)
+{
+    const int rows = seen->rows;
+    const double energy = orthogonalise(seen, role);
+    double gain = 0.0, count = 0.0, from_m = about_m, slope = 0.0, mean = 0.0, squares = 0.0;
+    for (int row = 0; row < rows; row++) {
+        gain += seen->alone[row] * (double)seen->signal[row];
+        count += role[row] != 0;
+    }
+    if (!(energy > MIN_ENERGY) || !(gain > 0.0)) {
+        return false;
+    }
+    gain /= energy;
+    /* Distances count from the marker, so that noise of the signal moves nothing; the second time
+     * they do, and what is left over says how sure the result is.
+     */
+    for (int turn = 0; turn < 2; turn++) {
+        from_m = about_m;
+        slope = mean = 0.0;
+        for (int row = 0; row < rows; row++) {
+            const double product_m = role[row] ? product_of(seen, row, from_m) : 0.0;
+            slope += seen->alone[row] * product_m / energy;
+            mean += product_m / count;
+        }
+        about_m += slope / gain;
+    }
+    for (int row = 0; row < rows; row++) {
+        const double product_m = role[row] ? product_of(seen, row, from_m) - mean : 0.0;
+        seen->alone[row] = product_m - slope * seen->alone[row];
+    }
+    for (int i = 0; i < seen->others; i++) {
+        subtract(seen->other + i * rows, rows, seen->alone);
+    }
+    for (int row = 0; row < rows; row++) {
+        squares += seen->alone[row] * seen->alone[row];
+        seen->alone[row] /= gain;
+    }
+    found->depth_m = about_m;
+    found->variance = squares / fmax(count - 2, 1) / energy / (gain * gain);
+    return true;
+}
