@@ -64,8 +64,40 @@ static double orthogonalise(const struct rl_seen *seen, const uint8_t *role)
     return product(seen->alone, seen->alone, rows);
 }
 
+/* The share of the signal that is light of others, of those that are seen at all.
+ *
+ * gain: of the marker itself
+ */
+static double share_of_others(const struct rl_seen *seen, const uint8_t *role, double gain)
+{
+    double count = 0.0, total = 0.0, sum = 0.0, squares = 0.0, share = 0.0;
+    double cross[RL_MAX_OTHERS] = {0.0}, energy[RL_MAX_OTHERS];
+    for (int row = 0; row < seen->rows; row++) {
+        const double left = role[row] ? (double)seen->signal[row] - gain * seen->light[row] : 0.0;
+        count += role[row] != 0;
+        total += role[row] ? (double)seen->signal[row] : 0.0;
+        sum += left;
+        squares += left * left;
+        for (int i = 0; i < seen->others; i++) {
+            cross[i] += seen->other[i * seen->rows + row] * left;
+        }
+    }
+    squares -= sum * sum / count;
+    for (int i = 0; i < seen->others; i++) {
+        const double *other = seen->other + i * seen->rows;
+        energy[i] = fmax(product(other, other, seen->rows), MIN_ENERGY);
+        squares -= cross[i] * cross[i] / energy[i];
+    }
+    const double noise = fmax(squares, 0.0) / fmax(count - 2.0, 1.0);
+    for (int i = 0; i < seen->others; i++) {
+        /* About half of its bits are bright. */
+        share += cross[i] > RL_MIN_SEEN * sqrt(noise * energy[i]) ? cross[i] / energy[i] / 2 : 0.0;
+    }
+    return share * count / fmax(total, 1e-9);
+}
+
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
-                       struct rl_ranged *found)
+                       struct rl_ranged *found, double *others)
 {
     const int rows = seen->rows;
     const double energy = orthogonalise(seen, role);
@@ -78,6 +110,7 @@ bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double a
         return false;
     }
     gain /= energy;
+    *others = share_of_others(seen, role, gain);
     /* Distances count from the marker, so that noise of the signal moves nothing; the second time
      * they do, and what is left over says how sure the result is.
      */

@@ -18,8 +18,9 @@
  * what is left over, over the gain [m].
  *
  * role: of each row, 0 if it is not used
+ * others: share of the signal that is light of other markers, 0 unless they are seen
  */
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
-                       struct rl_ranged *found);
+                       struct rl_ranged *found, double *others);
 
 #endif

@@ -39,6 +39,8 @@ static const double RL_AS_GOOD = 1.0;
 static const double RL_MOST = 0.7;
 /* A zone has seen a packet if it has seen this share of what the strongest zone has. */
 static const double RL_MIN_PART = 0.1;
+/* What is this many deviations from nothing is no chance. */
+static const double RL_MIN_SEEN = 3.0;
 /* So near to the distance from which the sensor parts targets it may or may not. */
 static const double RL_UNSURE_M = 0.05;
 /* Samples with more light show the marker; with less than 1 - RL_BRIGHT, the background. */

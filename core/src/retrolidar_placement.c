@@ -10,8 +10,6 @@
 
 /* Least range, whatever the offset. */
 static const double NEAREST_M = 1e-3;
-/* A zone saw the packet if it rises with it by so many deviations. */
-static const double MIN_SEEN = 3.0;
 
 /* By how much the signal of a zone rises with the light, and what the packet leaves over. */
 struct amplitude {
@@ -132,7 +130,7 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     for (int zone = 0; zone < samples->zones; zone++) {
         const double of = amplitude->of[zone];
         saw[zone] = is_near(samples, reading, zone) && of * of > amplitude->other[zone] &&
-                    of > MIN_SEEN * sqrt(amplitude->variance[zone]);
+                    of > RL_MIN_SEEN * sqrt(amplitude->variance[zone]);
         most = saw[zone] ? fmax(most, amplitude->of[zone]) : most;
     }
     placement->zones = 0;

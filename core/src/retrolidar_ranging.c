@@ -14,8 +14,6 @@ enum { OWN = 1, DARK = 2, MIN_DISTANCES = 2 };
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
 /* Distance of a marker from the surface that it is mounted on. */
 static const double MOUNTING_M = 0.005;
-/* Deviations of what is common by chance. */
-static const double CHANCE = 2.0;
 static const double TWO_PI = 6.283185307179586;
 
 /* The value that a share of some values are below, which it moves. */
@@ -68,8 +66,9 @@ static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, doubl
 }
 
 /* What `alone` deviates from a line in the samples in which the marker was seen, as variances: all
- * of it, and what samples have in common with the ones before them beyond chance. That is motion:
- * the mean of a packet is not where the marker was in its middle, however many samples there are.
+ * of it, and what samples have in common with the ones before them, if that is no chance. That is
+ * motion: the mean of a packet is not where the marker was in its middle, however many samples there
+ * are.
  */
 static void deviations(const struct rl_seen *seen, const uint8_t *role, double middle_s,
                        double *own, double *common)
@@ -96,7 +95,10 @@ static void deviations(const struct rl_seen *seen, const uint8_t *role, double m
         }
     }
     *own = squares / fmax(count - 2.0, 1.0);
-    *common = fmax(alike / count - CHANCE * *own / sqrt(count), 0.0);
+    /* A correlation has to explain what a parameter costs. */
+    const double correlation = fmax(alike / fmax(squares, 1e-30), 0.0);
+    const bool moves = count * correlation * correlation / 2.0 > RL_COST_OF_GAIN;
+    *common = moves ? alike / count : 0.0;
 }
 
 /* Mark the samples that the marker itself was seen in; return how many there are. */
@@ -166,11 +168,15 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     deviations(seen, role, time_s, &noise, &common);
     ranged->variance = noise / own;
     struct rl_ranged parted;
-    const bool blinks = dark > 0 && rl_blinking_range(seen, role, depth_m, &parted);
-    if (blinks && seen->others > 0) {
-        /* Their light is in the mean of the distances, too. */
-        *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s};
-        deviations(seen, role, time_s, &noise, &common);
+    double others = 0.0;
+    const bool blinks = dark > 0 && rl_blinking_range(seen, role, depth_m, &parted, &others);
+    if (blinks && others > 0.0) {
+        /* Their light is in the mean of the distances, too, from anywhere that merges. */
+        ranged->variance += others * others * sensor->separable_m * sensor->separable_m / 3.0;
+        if (parted.variance < ranged->variance) {
+            *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s};
+            deviations(seen, role, time_s, &noise, &common);
+        }
     } else if (blinks && !(walls > 0 && is_apart(quantile(values, walls, 0.5), depth_m, &parted,
                                                  sensor->separable_m))) {
         weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3), sensor->separable_m);

@@ -172,7 +172,7 @@ PARTS = {
         'placement', 'seen->others < RL_MAX_OTHERS;', 'seen->others < 0;'
     ),
     'range: background subtracted': Part(
-        'ranging', 'blinks = dark > 0 &&', 'blinks = seen->others > 0 &&'
+        'ranging', 'blinks = dark > 0 &&', 'blinks = false && dark > 0 &&'
     ),
     'range: background that is apart': Part('ranging', '!(walls > 0 && is', '!(false && is'),
     'range: or a mounting': Part(
