@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames to and from rosbag2 bags, without ROS.
 
-Bags are written with the `rosbags` library. They are read without it: on machines that do not
-have it, and up to the damage in a recording that a power cut has cut off. That recovery is why
-the reader is our own.
+Bags are written with the `rosbags` library. They are read without it, where it is not installed,
+and up to the damage in a recording that a power cut has cut off.
 """
 
 from retrolidar_ros.bag.messages import FRAME_TYPE, BagError

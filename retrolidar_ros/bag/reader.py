@@ -37,9 +37,8 @@ def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
     Raises
     ------
     BagError
-        If there is no such path or topic, if the topic's type is another, if it has no frames,
-        or if a library is missing. If the bag is damaged or its recording did not end properly:
-        after the frames before the damage.
+        If there is no such path or topic, its type is another, it has no frames, or a library is
+        missing. If the bag is damaged or not complete: after the frames before the damage.
     """
     path = Path(path)
     types: dict[str, str] = {}
@@ -66,10 +65,7 @@ def salvage_frames(
 ) -> tuple[list[Frame], BagError | None]:
     """Return a bag's frames as far as they are good, and its damage, if any.
 
-    Raises
-    ------
-    BagError
-        If not even one frame can be read.
+    BagError if not even one frame can be read.
     """
     frames: list[Frame] = []
     try:

@@ -116,8 +116,7 @@ def _signal(
 def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -> None:
     """Draw one zone's signal about a reading, and the bits that were read from it.
 
-    A repeating packet may be read from any bit on: those before the recording are known by the
-    packets that follow.
+    Those before the recording are known by the packets that follow.
     """
     bit_s, colour = reading.bit_period_s, shown.ids[reading.id]
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
@@ -211,8 +210,7 @@ def plot_readings(
     """Write a PNG of a recording, and of the first reading of each marker in it.
 
     Readings are in order of time. Known `markers` are shown where they really are; where nothing
-    was read, so are zones that blink, the strongest first, or all if none does. A `hint` says what
-    to do about it.
+    was read, so are the zones that blink most, or all. A `hint` says what to do about it.
     """
     from matplotlib.figure import Figure
 

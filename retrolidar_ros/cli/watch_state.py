@@ -48,10 +48,7 @@ class Watch:
     """The state of a sensor, from its frames."""
 
     def __init__(self, source: SerialSource, zone: int | None, values: Mapping[str, Any]) -> None:
-        """Begin without frames; `zone` is the one to look at, None for that which blinks most.
-
-        The values are of all parameters of a detector.
-        """
+        """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
         self._source = source
         self._fixed_zone, self._shown_zone = zone, zone
         self._values, self._known = values, known_markers(values)
@@ -71,13 +68,7 @@ class Watch:
         return self._monitor.frames
 
     def take(self, frames: list[Frame], arrival_ns: int) -> None:
-        """Take frames that arrived together.
-
-        Raises
-        ------
-        ValueError
-            If the sensor has no such zone.
-        """
+        """Take frames that arrived together; ValueError if the sensor has no such zone."""
         for frame in frames:
             stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
             self._take(replace(frame, stamp_ns=stamp_ns))

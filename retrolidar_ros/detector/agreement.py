@@ -23,10 +23,10 @@ class Agreement:
     """Confirms a reading once enough readings agree, itself included."""
 
     def __init__(self, min_readings: int) -> None:
-        """Begin without any reading; 1 = all pass.
+        """Begin without any reading; with a minimum of 1 all pass.
 
-        Readings agree if they are of one ID, no more than twelve packets apart for each of
-        `min_readings`, and their ranges differ by no more than three deviations and 1 m/s.
+        Readings of one ID agree if they are no more than twelve packets apart for each of
+        `min_readings`, and their ranges by no more than three deviations and 1 m/s.
         """
         self._min_readings = min_readings
         self._recent: defaultdict[int, deque[Detection]] = defaultdict(

@@ -46,7 +46,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, recording: Recording) -> Samples:
-        """Return the samples of at least two frames; an exposure lasts a frame period."""
+        """Return the samples of two frames or more; an exposure lasts a frame period."""
         time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
         half_s = float(np.median(np.diff(time_s))) / 2
         valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
@@ -61,15 +61,10 @@ class Samples(NamedTuple):
 
 
 def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
-    """Return the variation of zones beyond noise, as the SNR of a marker that would cause it.
+    """Return the variation of zones beyond noise as an SNR [dB], shape (zones,); -inf for none.
 
-    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A passing hand
-    makes one, too.
-
-    Returns
-    -------
-    array, shape (zones,)
-        20 log10 of amplitude over the noise's standard deviation [dB]; -inf for noise alone.
+    It is that of a marker that would cause it: half of its bits are dark, so an amplitude of c
+    makes a variance of c²/4. A passing hand makes one, too.
     """
     noise = law.variance(samples.mean)
     deviation = (samples.signal - samples.mean) * samples.valid
@@ -124,10 +119,7 @@ def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
 def bit_periods(
     stamp_ns: NDArray[np.int64], signal: Floats, valid: NDArray[np.bool_]
 ) -> tuple[Period, ...]:
-    """Return the possible bit periods of a zone, likeliest first; none for too few frames.
-
-    The arrays are of shape (frames,).
-    """
+    """Return the possible bit periods of a zone, likeliest first; arrays are of shape (frames,)."""
     if len(stamp_ns) < MIN_FRAMES:
         return ()
     step_s = np.diff(stamp_ns) * 1e-9

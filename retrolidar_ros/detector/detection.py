@@ -25,10 +25,7 @@ class Detection:
     """Time of the last frame used [ns]."""
     place: Place
     snr_db: float
-    """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB].
-
-    Noise is the residual of the fitted packet.
-    """
+    """20 log10 of the amplitude over the deviation of a sample from the fitted packet [dB]."""
     evidence: float
     """Log likelihood ratio against no packet [nats]; NaN where a method has none."""
     decision_margin: float
@@ -61,10 +58,7 @@ class DetectorCounts:
 
 
 class Detector(Protocol):
-    """The interface of every method: frames in, detections out.
-
-    Both updates raise ValueError for frames of another zone grid than the detector's.
-    """
+    """Every method: frames in, detections out; ValueError for frames of another zone grid."""
 
     @property
     def counts(self) -> DetectorCounts:

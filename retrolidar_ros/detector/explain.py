@@ -106,7 +106,7 @@ class Explanation:
         return result
 
     def why(self, zone: BlinkingZone) -> Iterator[Finding | None]:
-        """Yield why a zone is not read, as far as is known after each trial of a bit period.
+        """Yield why a zone is not read, as far as known after each trial of a bit period.
 
         It is None until the likely bit periods have been tried.
         """

@@ -66,9 +66,9 @@ class FrameMonitor:
         self._finding: Finding | None = None  # and what is told of it
 
     def take(self, frame: Frame, max_lost: int | None = None) -> bool:
-        """Count a frame; return whether it is a new one.
+        """Count a frame, before which at most `max_lost` got lost on the way here, if known.
 
-        Before it at most `max_lost` were lost on the way here, if that is known.
+        Returns whether it is a new one.
         """
         self.frames += 1
         if self.newest:
@@ -106,8 +106,7 @@ class FrameMonitor:
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
         """Return why a zone blinks by a clock and is not read, as far as is known by now.
 
-        The values are those of a detector, which may be restricted to known or registered markers.
-        Each call may try one bit period.
+        The values are those of a detector. Each call may try one bit period.
         """
         if len(self.newest) < _MIN_KEPT:
             return None

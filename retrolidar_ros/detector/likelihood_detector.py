@@ -1,10 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The default detector: the core searches and decides by one likelihood.
-
-The core (`core/src/retrolidar_detector.h`) gets frames and returns readings, which are placed here
-and become detections.
-"""
+"""The default detector: the core (`core/src/retrolidar_detector.h`) searches and decides."""
 
 from __future__ import annotations
 
@@ -208,13 +204,7 @@ class LikelihoodDetector:
 
 
 def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the usable IDs among the registered ones, ascending; all usable ones by default.
-
-    Raises
-    ------
-    ValueError
-        If one is impossible, or none is usable.
-    """
+    """Return the usable registered IDs, or all usable ones, ascending; ValueError for none."""
     ids = np.arange(IDS) if registered_ids is None else np.unique(check_ids(registered_ids))
     ids = ids[~np.isin(ids, RESERVED_IDS)]
     if not len(ids):

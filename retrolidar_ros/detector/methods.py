@@ -34,7 +34,7 @@ def create_detector(
     marker_sizes_m: Mapping[int, float] | None = None,
     sensor: SensorModel = VL53L8CX,
 ) -> Detector:
-    """Return a new detector.
+    """Return a new detector; ValueError if there is no such method, or a parameter is impossible.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def create_detector(
         Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
     sensor : SensorModel
         Noise, optics and limits of the sensor (method `joint`).
-
-    Raises
-    ------
-    ValueError
-        If there is no such method, or a parameter is impossible.
     """
     if method not in METHODS:
         raise ValueError(f'unknown method {method!r}; there is {", ".join(METHODS)}')

@@ -42,9 +42,9 @@ class NewestBits(NamedTuple):
 
 
 def newest_bits(samples: Samples, zone: int, bit_period_s: float) -> NewestBits | None:
-    """Return the last bits of a zone, cut where they vary most.
+    """Return the last bits, of about `bit_period_s`, of a zone, cut where they vary most.
 
-    None if they are too few, or all alike. The bits are of about `bit_period_s` [s].
+    None if they are too few, or all alike.
     """
     bit_s, phase = (grid.ravel() for grid in np.meshgrid(bit_period_s * _CLOCKS, _PHASES))
     # Shape (alignments, bits + 1).

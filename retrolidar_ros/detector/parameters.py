@@ -36,12 +36,8 @@ def defaults() -> dict[str, Any]:
 def load_parameters(path: Path) -> dict[str, Any]:
     """Return what a parameter file of ROS says of detectors.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is no such file, or has a parameter that no detector has, or of another type.
+    OSError if it cannot be read; ValueError if it is no such file, or has a parameter that no
+    detector has, or of another type.
     """
     content = load_yaml(path)
     found: dict[str, Any] = {}

@@ -49,15 +49,7 @@ class Place:
 
 
 def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
-    """Return the pose of a marker, with the variance of what is not measured.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Direction of the marker.
-    range_m, range_stddev_m : float
-        Radial distance and its standard deviation [m].
-    """
+    """Return the pose of a marker, with the variance of what is not measured; ranges in [m]."""
     variance = bearing.variance.tolist()
     pose = ffi.new('struct rl_pose *')
     lib.rl_pose(bearing.tangent.tolist(), variance, range_m, range_stddev_m**2, pose)

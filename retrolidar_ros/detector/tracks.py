@@ -1,9 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tracks: the place of every marker that was read, at every frame.
-
-The core (`core/src/retrolidar_tracks.h`) follows them; here its results become tracks.
-"""
+"""Tracks: the place of every marker that was read, at every frame, as the core follows it."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> 
 
 
 def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
-    """Return the bit periods of which frames every `frame_s` [s] may show clocks; all in [s].
+    """Return the bit periods of which frames every `frame_s` [s] may show clocks [s].
 
     Bits of one frame show none, or any.
     """

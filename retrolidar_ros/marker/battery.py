@@ -38,10 +38,7 @@ PROTOTYPE = Currents()
 def active_share(queries_per_hour: float, packets: int = 1) -> float:
     """Return the share of time in which a marker sends, if each query wakes it for some packets.
 
-    Raises
-    ------
-    ValueError
-        If the number of queries is negative, or more than fit into an hour.
+    ValueError if the number of queries is negative, or more than fit into an hour.
     """
     share = queries_per_hour * packets * PACKET_S / _HOUR_S
     if not 0 <= share <= 1:

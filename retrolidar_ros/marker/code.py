@@ -64,12 +64,7 @@ def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
 def packet(ids: ArrayLike) -> NDArray[np.uint8]:
     """Return preamble and codeword of marker IDs of shape (...), as bits of shape (..., 31).
 
-    The first twelve bits of the codeword are the ID itself.
-
-    Raises
-    ------
-    ValueError
-        If an ID is no integer or outside 0..4095.
+    The codeword begins with the ID itself. ValueError as of `check_ids`.
     """
     return _PACKETS[check_ids(ids)]
 
@@ -77,13 +72,8 @@ def packet(ids: ArrayLike) -> NDArray[np.uint8]:
 def decode(words: ArrayLike) -> Decoded:
     """Correct up to three wrong bits a word of shape (..., 24); reject a word with four.
 
-    Any word within three bits of a codeword decodes to it, and these are 56.8 % of all 24-bit
-    words: a decoded ID alone is no evidence of a marker.
-
-    Raises
-    ------
-    ValueError
-        If the last axis is not 24 long or an entry is neither 0 nor 1.
+    Of all 24-bit words 56.8 % are within three bits of a codeword, so a decoded ID alone is no
+    evidence of a marker. ValueError for another shape, or for entries that are neither 0 nor 1.
     """
     bits = np.asarray(words)
     if bits.ndim == 0 or bits.shape[-1] != WORD_BITS:

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sets of marker IDs that stay apart at any start bit.
 
-A marker that repeats its packet may be read from any of its 31 bits. From the first bit, two IDs
-differ in eight bits or more by the Golay code; from another bit, an ID may come close to the packet
-of a second one, or to its own. So the distance of two IDs is the minimum Hamming distance between
-the packet of one and any cyclic shift of the packet of the other; that of an ID to itself is the
-minimum over all shifts but 0. Codewords and preamble have even weight, so all distances are even.
-At a distance of 8 three wrong bits can be corrected within the set, at 6 two, at 4 one, at 2 none.
+A marker that repeats its packet may be read from any of its 31 bits; only from the first one does
+the Golay code keep eight bits between two IDs. So their distance is the minimum Hamming distance
+between the packet of one and any cyclic shift of the packet of the other; that of an ID to itself
+is over all shifts but 0. Codewords and preamble have even weight, so all distances are even. At a
+distance of 8 three wrong bits can be corrected within the set, at 6 two, at 4 one, at 2 none.
 """
 
 from __future__ import annotations
@@ -41,12 +40,8 @@ class ConfusablePair(NamedTuple):
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:
     """Return the distances of IDs, shape (n,), to each other and, on the diagonal, to themselves.
 
-    They are in bits, shape (n, n). An ID that occurs twice is at distance 0 of its double.
-
-    Raises
-    ------
-    ValueError
-        If there is no ID, or an impossible one.
+    They are in bits, shape (n, n); that of an ID to its double is 0. ValueError if there is no ID,
+    or an impossible one.
     """
     # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
     # integers below 2^24 are exact in float32, so is the product.
@@ -75,14 +70,9 @@ def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.
     Returns
     -------
     ids : array of int64, shape (count,)
-        In the order of choice.
+        In the order of choice; ValueError if so many are not found, or a number is out of range.
     distance : int
         The smallest distance among them.
-
-    Raises
-    ------
-    ValueError
-        If the number or the distance is out of range, or so many are not found.
     """
     if not 1 <= count <= len(USABLE_IDS):
         raise ValueError(f'{count} IDs cannot be chosen: ask for 1 to {len(USABLE_IDS)}')
@@ -103,8 +93,8 @@ def largest_set(min_distance: int, count: int = len(USABLE_IDS)) -> NDArray[np.i
     """Return all IDs found at a minimum distance, or `count` of them; ValueError as above.
 
     The next ID is always the one that rules out the fewest of those left, the lowest of several.
-    So there may be larger sets than are found, but the choice is the same everywhere, and with
-    the same `min_distance` a smaller set is the beginning of a larger one: a set can grow later.
+    Larger sets may exist, but the choice is the same everywhere, and a set can grow later: a
+    smaller one is the beginning of a larger one.
     """
     _check_distance(min_distance)
     near = _usable_distances() < min_distance
@@ -124,8 +114,8 @@ def largest_set(min_distance: int, count: int = len(USABLE_IDS)) -> NDArray[np.i
 def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[ConfusablePair]:
     """Return the pairs of a set of IDs that are nearer than `min_distance`, nearest first.
 
-    An ID that is near its own shifts is paired with itself, and so, at distance and shift 0, is one
-    that occurs more than once. Errors are as of `distances` and `choose_ids`.
+    An ID near its own shifts is paired with itself, and so, at distance 0, is one that occurs
+    twice. Errors are as of `distances` and `choose_ids`.
     """
     _check_distance(min_distance)
     unique, occurrences = np.unique(_listed(ids), return_counts=True)

@@ -76,10 +76,7 @@ def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
 def parse_markers(content: object) -> dict[int, KnownMarker]:
     """Return the markers that nested mappings describe, as read from a YAML file.
 
-    Raises
-    ------
-    ConfigError
-        For an impossible ID, a frame of two markers, or what `mapping` refuses.
+    ConfigError for an impossible ID, a frame of two markers, or what `mapping` refuses.
     """
     section = Section(content)
     known = section.take('markers', _markers)

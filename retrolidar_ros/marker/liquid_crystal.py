@@ -27,11 +27,11 @@ class Response:
     bright_s: _Time
 
     def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
-        """Return the integral of the relaxation from level to level [s].
+        """Return the integral of the relaxation from one level to the next [s].
 
-        A bit lasts many time constants, so the level of the bit `before` it is where it starts.
-        Levels are transmissions, 0 to 1; `elapsed_s` is the time since the edge between them; all
-        are of one shape (...).
+        Levels are transmissions, 0 to 1, and `elapsed_s` is the time since the edge between them;
+        all are of one shape (...). A bit lasts many time constants, so it starts at the level
+        `before`.
         """
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90

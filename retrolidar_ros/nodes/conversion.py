@@ -100,13 +100,7 @@ def to_frame_msg(frame: Frame, frame_id: str) -> FrameMsg:
 
 
 def from_frame_msg(message: FrameMsg) -> Frame:
-    """Return the frame of a message.
-
-    Raises
-    ------
-    ValueError
-        If its zones are not of a shape that the sensor has, or an array has another length.
-    """
+    """Return the frame of a message; ValueError for zones or arrays of an impossible shape."""
     frame = Frame(
         stamp_ns=to_ns(message.header.stamp),
         sequence=message.sequence,

@@ -37,8 +37,8 @@ class DetectorNode(Node):
     ) -> None:
         """Declare parameters and subscribe.
 
-        With a board, frames come by `process_frame` and no topic. Board and sender are those of the
-        process, if it has them.
+        Board and sender are those of the process, if it has them; frames then come by
+        `process_frame`.
         """
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')

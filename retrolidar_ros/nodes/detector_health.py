@@ -84,7 +84,7 @@ class DetectorHealth:
     ) -> Health:
         """Judge the time since the last call, usually a second.
 
-        It depends on the detector's parameters, the markers of its file, and the nodes that send
+        Given are the detector's parameters, the markers of its file, its counts, and who sends
         frames.
         """
         now = self._counts(counts)

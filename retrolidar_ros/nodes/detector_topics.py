@@ -180,10 +180,7 @@ def to_array(header: Header, messages: list[MarkerDetection]) -> MarkerDetection
 
 
 def to_detections(messages: list[MarkerDetection]) -> Any:
-    """Return detections of one frame as a `vision_msgs/Detection3DArray`.
-
-    The class of a hypothesis is the ID, and its score the correlation with the sent packet.
-    """
+    """Return detections of one frame as a `vision_msgs/Detection3DArray`; a class is an ID."""
     array = Detection3DArray(header=messages[0].header)
     for message in messages:
         hypothesis = ObjectHypothesisWithPose(pose=message.pose)

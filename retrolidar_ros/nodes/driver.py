@@ -43,14 +43,8 @@ class DriverNode(LifecycleNode):
     ) -> None:
         """Declare parameters, and start reading with autostart.
 
-        Parameters
-        ----------
-        on_frame : callable, optional
-            Gets every frame directly, not by a topic.
-        board : DiagnosticsPublisher, optional
-            Of the process, if it has one.
-        **options
-            As for any node.
+        `on_frame` gets every frame directly, not by a topic; the board is that of the process, if
+        it has one.
         """
         # Set before super().__init__(): if that raises, rclpy calls destroy_node(), which needs
         # these.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared by all launch files: the arguments of a sensor, and the start of a node.
 
-An error during the setup of a launch ends it, but not the processes started by then. So all
-arguments are checked before the first process starts.
+An error ends the setup of a launch, but not the processes started by then. So all arguments are
+checked before the first one starts.
 """
 
 from __future__ import annotations

@@ -84,10 +84,9 @@ class Parameters:
         self._node.add_on_set_parameters_callback(change)
 
     def warn_of_misspelled(self) -> None:
-        """Log a warning for each parameter that was set and that this node has not.
+        """Log a warning for each parameter that was set and resembles one that this node has.
 
-        What resembles none of its own is not warned of: `/**:` in a parameter file addresses other
-        nodes, too.
+        Others may be of other nodes: `/**:` in a parameter file addresses all.
         """
         # Not public; what is, automatically_declare_parameters_from_overrides, would declare each.
         for name in self._node._parameter_overrides:

@@ -26,7 +26,7 @@ _DONE = {
 def offer_services(node: Node, source: Callable[[], SerialSource | None]) -> None:
     """Offer the services; `source` returns what reads the port, if the node is configured.
 
-    An answer blocks the executor for a second at most; frames come in another thread.
+    An answer blocks the executor, but no frame, for a second at most.
     """
 
     def serve(command: Command, _: Any, response: Trigger.Response) -> Trigger.Response:

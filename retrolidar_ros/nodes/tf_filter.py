@@ -41,7 +41,7 @@ class TransformedDetections(DetectionSubscriber):
 
         `on_reading` gets each reading, and its detection, if its transform comes within
         `patience_s` [s], and may refuse it by a ValueError; `restart` is called when time jumps
-        back, as in a replay.
+        back.
         """
         super().__init__(node, 'detections', self._on_detection, topics)
         self.finder = TransformFinder(node)

@@ -96,9 +96,9 @@ class TransformSender:
     def listen(self) -> None:
         """Take what has come on `/tf`; call it about once a second.
 
-        It listens from time to time only: all of a robot's TF costs more than a detector. A node of
-        its own does, for an executor looks through all that its nodes have whenever a message
-        comes, which in a process of many sensors takes ten milliseconds.
+        It listens now and then, as all of a robot's TF costs more than a detector, and with a node
+        of its own: whenever a message comes, an executor looks through all that its nodes have,
+        which with many sensors takes ten milliseconds.
         """
         phase_s = (time.monotonic() - self._began_s) % _PERIOD_S
         is_due = bool(self._sent) and phase_s < _LISTENING_S

@@ -38,18 +38,10 @@ def viewer(
 ) -> list[Node]:
     """Return RViz if the launch argument `rviz` is on; RuntimeError if it is not installed.
 
-    Parameters
-    ----------
-    context : LaunchContext
-    frame : str
-        In TF, in which all is shown.
-    sensors : sequence of str
-        Namespaces of several sensors, below that of the launch.
-    upright : bool
-        Whether z of the frame is up, as of a robot's base; else it is a sensor's, which looks
-        there, without its prefix.
-    landmarks : bool
-        Whether there is a node `landmarks`.
+    Parameters ---------- frame : str     In TF, in which all is shown. sensors : sequence of str
+    Namespaces of several sensors, below that of the launch. upright : bool     Whether z of the
+    frame is up, as of a robot's base; else it is a sensor's, without its prefix. landmarks : bool
+    Whether there is a node `landmarks`.
     """
     if not is_on(context, 'rviz'):
         return []

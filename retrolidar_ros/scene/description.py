@@ -277,11 +277,5 @@ class Scene:
 
 
 def parse_scene(content: object) -> Scene:
-    """Return the scene that nested mappings and lists describe, as read from a YAML file.
-
-    Raises
-    ------
-    ConfigError
-        For what `mapping` refuses.
-    """
+    """Return the scene that a YAML file describes; ConfigError as of `mapping`."""
     return mapping(Scene, _check_scene)(content, '')

@@ -32,11 +32,8 @@ class PortLink:
     def __init__(self, path: Path) -> None:
         """Open a terminal and link `path` to it.
 
-        Raises
-        ------
-        FileExistsError
-            If there is something else at `path` than a link to a pseudo-terminal, which an
-            emulator that was killed may have left.
+        FileExistsError if there is something else than a link to a pseudo-terminal, which an
+        emulator that was killed may have left.
         """
         is_left_over = path.is_symlink() and Path(os.readlink(path)).parent == Path('/dev/pts')
         if path.exists() or (path.is_symlink() and not is_left_over):
@@ -136,8 +133,8 @@ def emulate(
 ) -> tuple[int, int]:
     """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
-    Frames that nobody takes are lost, as on a real line; a stopped sensor sends none. The scene
-    begins at a time of the monotonic clock, or when the port is there.
+    Frames that nobody takes are lost, and a stopped sensor sends none. The scene begins at a time
+    of the monotonic clock, or when the port is there.
     """
     sent = lost = 0
     firmware = EmulatedFirmware(str(link))

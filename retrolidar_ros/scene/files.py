@@ -19,10 +19,7 @@ def scene_names() -> list[str]:
 def find_scene(name: str) -> Path:
     """Return the file of a scene: a path, or the name of one that ships with the package.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is neither; it lists the names there are.
+    FileNotFoundError if there is neither; it lists the names there are.
     """
     if Path(name).is_file():
         return Path(name)

@@ -79,10 +79,10 @@ def see_moving(
 
 
 def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
-    """Return what counters with a dead time make of rates [kcps/SPAD].
+    """Return what counters make of rates [kcps/SPAD], up to their limit, one over the dead time.
 
-    A counter that is dead after each count, for a time that more light does not lengthen, counts
-    n / (1 + n·dead time) of n (Knoll, *Radiation Detection and Measurement*, ch. 4).
+    More light does not lengthen that: n / (1 + n·dead time) of n (Knoll, *Radiation Detection and
+    Measurement*, ch. 4).
     """
     return signal / (1 + (signal + ambient) / limit)
 
@@ -90,7 +90,7 @@ def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
 def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> Floats:
     """Return by how much another sensor raises the ambient light of exposures [kcps/SPAD].
 
-    Its pulses are not in step with this sensor's, so they fall anywhere into the time of flight
-    and count as ambient light does. What counts is how much of an exposure it was sending.
+    Its pulses are not in step with this sensor's, so they count as ambient light, for the share of
+    an exposure in which it sends.
     """
     return second.ambient * recurring_share(second.period_s, second.lasting_s, middle_s, exposure_s)

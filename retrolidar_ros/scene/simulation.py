@@ -40,8 +40,7 @@ _GLASS_M = 0.01  # how far a cover glass is, or nearly so
 class Simulation:
     """A running scene. Blocks of frames follow each other without a seam.
 
-    Samples come from one seeded generator, in the order of frames, so a scene gives the same
-    frames in blocks of the same sizes.
+    Samples come from one seeded generator, so blocks of the same sizes have the same frames.
     """
 
     def __init__(self, scene: Scene, rng: np.random.Generator | None = None) -> None:

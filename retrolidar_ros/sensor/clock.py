@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps: from the sensor's clock to the host's, with messages going one way only.
 
-A frame reaches the host some varying time after its exposure, never before. So the true line
-from sensor time to host time lies below all pairs of them, and the lower convex hull of the
-pairs supports it: Zhang, Liu and Xia, Clock synchronization algorithms for network
-measurements, INFOCOM 2002. What remains is a constant, the smallest delay that ever occurred.
+A frame reaches the host some varying time after its exposure, never before. So the line from
+sensor time to host time is the support of the lower convex hull of all pairs of them (Zhang, Liu
+and Xia, Clock synchronization algorithms for network measurements, INFOCOM 2002). What remains is
+a constant, the smallest delay that ever occurred.
 """
 
 from __future__ import annotations
@@ -32,11 +32,8 @@ class ClockMap:
     def __init__(self, min_delay_s: float = 0.0) -> None:
         """Start without knowledge.
 
-        Parameters
-        ----------
-        min_delay_s : float
-            The known part of the delay from the middle of the exposure to the arrival, which
-            is taken off every stamp [s].
+        `min_delay_s` is the known part of the delay from the middle of the exposure to the arrival,
+        which is taken off every stamp [s].
         """
         self.restarts = 0
         self.skew = 0.0
@@ -57,16 +54,9 @@ class ClockMap:
         self._last_stamp_ns = None
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
-        """Return the host time [ns] of a sensor time, given when the frame arrived.
+        """Return the host time [ns] of the middle of an exposure, by the clocks of sensor and host.
 
-        Stamps never go back unless the map starts again.
-
-        Parameters
-        ----------
-        sensor_time_us : int
-            The sensor's clock at the middle of the exposure [µs].
-        arrival_ns : int
-            The host's clock when the frame had arrived [ns].
+        The frame has arrived at `arrival_ns`. Stamps never go back unless the map starts again.
         """
         sensor_ns = self._unwrapped(sensor_time_us * 1000, arrival_ns)
         if self._hull and self._is_restart(sensor_ns, arrival_ns):

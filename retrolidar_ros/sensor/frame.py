@@ -96,8 +96,8 @@ class ZoneGrid:
         """Reported distance over radial range of each zone, shape (zones,).
 
         The sensor turns the radial range of a target into a distance along the optical axis by one
-        factor a zone, wherever in the zone the target is. The factor makes the mean radial range of
-        a flat wall, which is the mean secant over the zone, its depth.
+        factor a zone, wherever in it the target is: that which makes the mean range of a flat wall,
+        the mean secant over the zone, its depth.
         """
         steps = (np.arange(16) + 0.5) / 16 - 0.5
         across, down = np.meshgrid(self.pitch * steps, self.pitch * steps)
@@ -160,13 +160,7 @@ class Recording:
 
     @classmethod
     def of(cls, frames: list[Frame]) -> Recording:
-        """Stack frames.
-
-        Raises
-        ------
-        ValueError
-            If there are none, or their zone grids differ.
-        """
+        """Stack frames; ValueError if there are none, or their zone grids differ."""
         if not frames:
             raise ValueError('a recording needs at least one frame')
         grid = frames[0].grid

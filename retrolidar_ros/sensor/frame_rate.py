@@ -20,13 +20,9 @@ _MIN_PERIOD_NS = 1_000_000
 
 
 def missing_frames(before: int | None, after: int) -> int:
-    """Return how many frames are missing between two that came one after the other.
+    """Return how many frames are missing between two 32-bit sequence counters.
 
-    Parameters
-    ----------
-    before, after : int
-        Their 32-bit sequence counters; None before the first frame. A counter that went back is a
-        sensor that restarted.
+    Before the first frame there is None. A counter that went back is a sensor that restarted.
     """
     if before is None:
         return 0

@@ -102,10 +102,7 @@ class Commands:
     def ask(self, command: Command, timeout_s: float) -> bool:
         """Send a command, and wait for its effect; return whether it came.
 
-        Raises
-        ------
-        TimeoutError
-            If there is no answer at all.
+        TimeoutError if there is no answer at all.
         """
         with self._answered:
             wanted, self._wants_ranging = self._wants_ranging, command is not Command.STOP

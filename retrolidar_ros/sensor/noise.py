@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 class NoiseLaw:
     """Frame-to-frame variance of the signal S of a zone in ambient light A: floor + a·S + b·A.
 
-    Photons arrive at random; b is taken to be a, as if signal and ambient light were counted in
-    the same gate. A sensor that counts ambient light over a longer time has a smaller b.
+    Photons arrive at random; b is a if signal and ambient light are counted in the same gate, and
+    smaller if ambient light is counted over a longer time.
     """
 
     floor: float = 4.6

@@ -82,7 +82,7 @@ class SerialSource:
         report: Callable[[str], None],
         stop: Event,
     ) -> None:
-        """Read until `stop` is set.
+        """Read until `stop` is set, which ends the reading within its timeout.
 
         Parameters
         ----------
@@ -91,8 +91,6 @@ class SerialSource:
         report : callable
             Gets a line whenever the port opens, a sensor says who it is, or there is a new reason
             why the port cannot be read; that it was lost, only if `stop` is not set soon after.
-        stop : threading.Event
-            Ends the reading within the read's timeout.
         """
         while not stop.is_set():
             try:
@@ -169,11 +167,8 @@ def in_background(
 ) -> Iterator[Callable[[float], tuple[list[Frame], int] | None]]:
     """Read a source in a thread until the block ends; `report` is as for `SerialSource.run`.
 
-    Yields
-    ------
-    take_until : callable
-        Returns what arrived first, frames and time [ns]; None if nothing arrives until a time of
-        `time.monotonic`.
+    Yields a function that returns what arrived first, frames and time [ns]; None if nothing arrives
+    until a time of `time.monotonic`.
     """
     arrived: SimpleQueue[tuple[list[Frame], int] | Exception] = SimpleQueue()
     stop = Event()

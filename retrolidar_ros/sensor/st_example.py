@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames from the text that ST's own example prints, so that a kit needs no other firmware.
 
-The example is `53L8A1_SimpleRanging` of X-CUBE-TOF1 (NUCLEO-F401RE, `Src/app_tof.c`): a banner, the
-format of a cell, and a table with two lines of cells a row, one of distance and status, one of
-signal and ambient light once the key `s` has switched these on.
+It is `53L8A1_SimpleRanging` of X-CUBE-TOF1 (NUCLEO-F401RE, `Src/app_tof.c`): a banner, the format
+of a cell, and a table with two lines of cells a row: distance and status, and signal and ambient
+light once the key `s` has switched these on.
 """
 
 from __future__ import annotations
@@ -110,11 +110,10 @@ class _Table:
 class StExampleReader:
     """Finds frames in the text of ST's example; accepts any bytes.
 
-    The text has the left of the scene first, as a `Frame` has. It has neither time nor counter:
-    a frame bears the host's time at the end of its last row, and `sequence` counts the frames that
-    were passed on. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there
-    is no target. The example has to switch them on, which the reader requests; a frame without them
-    is withheld.
+    The left of the scene comes first, as in a `Frame`. There is no time and no counter: a frame
+    bears the host's time at the end of its last row, and `sequence` counts the frames passed on.
+    Status 9, merged, comes as 5, valid. A frame without signal and ambient light is withheld, and
+    the reader requests them; where there is no target they are 0.
 
     There is no checksum: an inconsistent table is dropped and counted, a wrong digit is not
     noticed. Memory is bounded.

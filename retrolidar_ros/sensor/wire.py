@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bytes on the serial line to and from frames: protocol version 1.
 
-A packet is a header, the zones in the sensor's own order, and a checksum, all little-endian;
-it travels COBS-encoded (Cheshire and Baker 1999), so that 0x00 ends a packet and occurs
-nowhere else. Zone 0 of the sensor sees the scene's top right, so columns are turned round.
+A packet is a header, the zones in the sensor's own order, and a checksum, all little-endian. It is
+COBS-encoded (Cheshire and Baker 1999), so that 0x00 only ends packets. Zone 0 of the sensor sees
+the scene's top right, so columns are turned round.
 """
 
 from __future__ import annotations
@@ -47,13 +47,7 @@ def cobs_encode(data: bytes) -> bytes:
 
 
 def cobs_decode(encoded: bytes) -> bytes:
-    """Undo `cobs_encode`.
-
-    Raises
-    ------
-    ValueError
-        If there is a zero, or a length byte points beyond the end.
-    """
+    """Undo `cobs_encode`; ValueError for a zero, or a length byte that points beyond the end."""
     data = ffi.new('uint8_t[]', len(encoded) + 1)
     written = lib.rl_cobs_decode(encoded, len(encoded), data)
     if written < 0:
@@ -76,11 +70,8 @@ def encode_packet(content: bytes) -> bytes:
 def encode_frame(frame: Frame) -> bytes:
     """Return a frame as it goes on the line; values beyond the wire's range are clipped.
 
-    Raises
-    ------
-    ValueError
-        If an array does not have one value a zone, a signal or ambient light is not finite, a
-        distance is NaN where the status is not 255, or a counter does not fit.
+    ValueError if an array has not one value a zone, a signal or ambient light is not finite, a
+    distance is NaN where the status is not 255, or a counter does not fit.
     """
     grid = frame.grid
     zones = np.zeros(grid.zones, dtype=_ZONE)
@@ -213,11 +204,10 @@ class Splitter:
 
 
 class FrameReader:
-    """Finds frames in a stream of bytes; accepts any bytes.
+    """Finds frames in a stream of bytes; accepts any bytes, in bounded memory.
 
-    Damage costs the packet it is in, and the next as well if it hit the delimiter between them;
-    the packet after that is read. What stands before the first delimiter may be the rest of a
-    packet: it is read if it is whole, and else no damage. Memory is bounded.
+    Damage costs the packet it is in, and the next as well if it hit the delimiter between them.
+    What stands before the first delimiter may be the rest of a packet, and then is no damage.
     """
 
     def __init__(self) -> None:

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of all nodes, declared once: in `config/retrolidar.yaml`, with its comments.
 
-`generate_parameter_library_py` is released for ROS only. The wheels of `embedded/` and the command
-`retrolidar` need the declarations, too.
+`generate_parameter_library_py` is released for ROS only; the wheels and the command need them, too.
 """
 
 from __future__ import annotations
@@ -59,13 +58,7 @@ class Parameter(NamedTuple):
         return f'one of {", ".join(self.among)}' if self.among else ''
 
     def check(self, name: str, value: Any) -> Any:
-        """Return a value in the parameter's type.
-
-        Raises
-        ------
-        ValueError
-            If it is not allowed; the message begins with `name`.
-        """
+        """Return a value in the parameter's type; ValueError, which names it, if not allowed."""
         if isinstance(self.default, list):
             return self._check_list(name, value)
         kind = type(self.default)

@@ -1,9 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Paths of the files that ship with the package: messages, launch and parameter files.
+"""Paths of the files that ship with the package.
 
-They are beside the Python package in the source tree, and in `share/retrolidar_ros` of the
-prefix under which the Python package was installed, be it by colcon or by pip.
+They are beside the Python package in the source tree, and in `share/retrolidar_ros` of the prefix
+under which colcon or pip have installed it.
 """
 
 from __future__ import annotations
@@ -14,17 +14,9 @@ _PACKAGE = Path(__file__).absolute().parent.parent
 
 
 def shared_file(name: str) -> Path:
-    """Return the path of a file or directory that ships with the package.
+    """Return the path of a file or directory of the package, such as `msg/Frame.msg`.
 
-    Parameters
-    ----------
-    name
-        Relative to the repository's root, such as `msg/Frame.msg`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is missing; the message names the places searched.
+    FileNotFoundError if it is missing; the message names the places searched.
     """
     beside = _PACKAGE.parent
     directories = [parent / 'share' / _PACKAGE.name for parent in beside.parents]

@@ -75,8 +75,8 @@ def mapping(
 
     The key of `start_s: Annotated[float, quantity('time')]` is `start`, unless another one follows
     the parser; it is required if the field has no default. Fields that are `given` have no key.
-    `check` raises ConfigError for values that do not go together; so does the parser, for an
-    unknown key, a missing unit or an impossible value, and names the key.
+    ConfigError, which names the key, for an unknown key and an impossible value; `check` raises it
+    for values that do not go together.
     """
 
     def parse(value: Any, path: str) -> T:

@@ -23,8 +23,7 @@ _OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
 class _CarefulLoader(yaml.SafeLoader):
     """Refuses a key that stands twice in one mapping, where plain YAML lets the last one win.
 
-    Refuses aliases, too, by which a small file may stand for a huge one. ROS does so in parameter
-    files.
+    Like ROS, it refuses aliases, too, by which a small file may stand for a huge one.
     """
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
@@ -50,14 +49,9 @@ class _CarefulLoader(yaml.SafeLoader):
 
 
 def load_yaml(path: Path) -> Any:
-    """Return the content of a YAML file.
+    """Return the content of a YAML file; OSError if it cannot be read.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is a FIFO or not YAML, or has a duplicate key or an alias; the message names the line.
+    ValueError if it is a FIFO or not YAML, or has a duplicate key or an alias; it names the line.
     """
     if path.is_fifo():  # to open it would wait for a writer
         raise ValueError(f'{path} is a FIFO; give a regular file')
@@ -82,10 +76,7 @@ def yaml_text(content: object) -> str:
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
-    """Return the parsed content of a YAML file.
-
-    Errors are those of `load_yaml`; a ConfigError names the file, too.
-    """
+    """Return the parsed content of a YAML file; ConfigError, which names it, if it is wrong."""
     try:
         return parse(load_yaml(path))
     except ConfigError as error:

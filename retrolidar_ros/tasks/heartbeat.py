@@ -15,7 +15,7 @@ _MAX_WINDOWS = 100
 class Heartbeat:
     """Counts windows with and without a detection, and the longest silence.
 
-    The caller gives the time, which may be that of a recording; it begins with the first call.
+    The caller gives the time, which may be that of a recording.
     """
 
     def __init__(self, window_s: float = WINDOW_S) -> None:

@@ -101,10 +101,7 @@ class Landmark:
     def take(self, *readings: Reading) -> list[Reading]:
         """Take readings, and return the inliers; those of other markers are ignored.
 
-        Raises
-        ------
-        ValueError
-            If readings cannot be solved; then none is taken.
+        ValueError if readings cannot be solved; then none is taken.
         """
         before = {
             name: value.copy() if isinstance(value, list) else value

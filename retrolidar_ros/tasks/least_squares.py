@@ -212,8 +212,8 @@ class Problem:
 def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
     """Return the standard deviations of spheres of ranges from their planes, shape (n,) [m].
 
-    With S the covariance of the place and P the projection across a direction u, it is
-    sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
+    It is sqrt(tr(PS)² + 2 tr(PSPS)) / 2r, with S the covariance of the place and P the projection
+    across a direction.
     """
     seen = unit @ place_m2
     along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)

@@ -45,7 +45,7 @@ def room_of(
     *,
     flat: bool = False,
 ) -> Landmark:
-    """Return a room as one landmark.
+    """Return a room as one landmark; ValueError if fewer than three markers are known.
 
     Parameters
     ----------
@@ -57,11 +57,6 @@ def room_of(
         What readings share.
     flat : bool
         The robot's frame is level and at the height of the room's, as on a floor.
-
-    Raises
-    ------
-    ValueError
-        If fewer than three markers are known.
     """
     places, variances = {}, {}
     for name, prior in known.items():
@@ -82,16 +77,9 @@ def room_of(
 def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose | None:
     """Return where the base is in a room, from where both are in the fixed frame.
 
-    It is None while that is not clear: among one or two markers it can be anywhere on a circle, and
-    ranges of three can have two answers, which no covariance tells well.
-
-    Parameters
-    ----------
-    room : Estimate
-    base_m : array, shape (3,)
-        The base's position in the fixed frame [m].
-    base_rotation : array, shape (3, 3)
-        Turns directions of the base into those of the fixed frame.
+    Its place is in [m]; its rotation turns its directions into those of the fixed frame. It is None
+    while that is not clear: among one or two markers it can be anywhere on a circle, and ranges of
+    three can have two answers, which no covariance tells well.
     """
     back = room.rotation.T
     arm_m = base_m - room.position_m

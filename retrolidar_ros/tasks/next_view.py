@@ -50,8 +50,8 @@ class ViewPlanner:
     def take(self, reading: Reading, name: str, missing: Mapping[str, Landmark | None]) -> None:
         """Take the last reading, and the objects that are not known well enough, by name.
 
-        The viewpoint changes once all objects that it is for are known or were read from there, or
-        `move_s` after it was chosen.
+        The viewpoint changes `move_s` after it was chosen, or once all objects that it is for are
+        known or were read from there.
         """
         if self._began_m is None:
             self._began_m = reading.pose.position_m
@@ -131,16 +131,11 @@ def best_place(
     landmarks : sequence of Landmark
         Those that are not known well enough yet.
     middle_m : array, shape (3,)
-        In the fixed frame.
+        In the fixed frame, as the place that is returned; None if no landmark has been read.
     reach_m : float
         How far from there the sensor can go in any direction.
     heights_m : tuple of float
         Minimum and maximum z that it can go to.
-
-    Returns
-    -------
-    array, shape (3,), or None
-        In the fixed frame [m]; None if none of them has been read.
     """
     seen = [one for one in landmarks if one.fit is not None and one.members]
     places = _places(middle_m, reach_m, heights_m)

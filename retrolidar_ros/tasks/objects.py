@@ -29,8 +29,8 @@ class ObjectBoard:
     def __init__(self, names: Sequence[str], max_stddev_m: float, stale_after_s: float) -> None:
         """Wait for objects by name; ValueError if there is none, or one comes twice.
 
-        An object is placed if `Sighting.stddev_m` is at most `max_stddev_m` [m], and it was seen
-        less than `stale_after_s` [s] ago.
+        One is placed if its deviation is at most `max_stddev_m`, and it was seen less than
+        `stale_after_s` ago.
         """
         if not names:
             raise ValueError('objects: there is no name; name at least one')
@@ -45,10 +45,9 @@ class ObjectBoard:
     def see(
         self, name: str, stamp_ns: int, frame_id: str, position_m: Floats, covariance: Floats
     ) -> bool:
-        """Take a sighting of an object; return whether it is used.
+        """Take a sighting of an object: position (3,) [m] and covariance (3, 3) [m²] in a frame.
 
-        It is not if a newer one is known. The position in the frame is of shape (3,) [m], its
-        covariance of shape (3, 3) [m²].
+        Returns whether it is used; it is not if a newer one is known.
         """
         known = self._sightings.get(name)
         # Much older ones are of a clock that was set back, or of a bag played again.

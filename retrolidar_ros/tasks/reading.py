@@ -66,14 +66,9 @@ def reading(
 ) -> Reading:
     """Return a possible detection as a reading; ValueError for a pose that is none.
 
-    Parameters
-    ----------
-    position_m : array, shape (3,)
-        Of the marker in the sensor's frame [m]; its direction counts.
-    covariance : array, shape (3, 3)
-        Of that [m²]; what is across the direction counts, the box of a zone.
-    others
-        As in `Reading`.
+    Of the marker's position in the sensor's frame, shape (3,) [m], the direction counts; of its
+    covariance, shape (3, 3) [m²], what is across that, the box of a zone. The rest is as in
+    `Reading`.
     """
     off = float(np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max())
     if not (off < _UNIT and np.abs(pose.position_m).max() < _MAX_AWAY_M):  # nor NaN
@@ -158,12 +153,9 @@ class Readings:
     def range_covariance(self, sight_m: Floats, place_variance: Floats) -> Floats:
         """Return the covariance of the errors of all ranges, shape (n, n) [m²].
 
-        Parameters
-        ----------
-        sight_m : array, shape (n, 3)
-            From the sensors to where the markers are now thought to be, in the fixed frame.
-        place_variance : array, shape (n, 3, 3)
-            Of the marker's place on its object, in the fixed frame [m²].
+        All is in the fixed frame: `sight_m` leads from the sensors to where the markers are thought
+        to be, shape (n, 3), and `place_variance` (n, 3, 3) is of the markers' places on their
+        object [m²].
         """
         errors = self._errors
         unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
@@ -185,8 +177,8 @@ class Readings:
 def _wandered(before_s: Floats) -> Floats:
     """Return the covariance of displacements for an acceleration of variance 1 [s⁴].
 
-    The acceleration is a Gauss-Markov process, whose correlation falls off in `_LASTING_S`
-    (Singer 1970). Times before and after that of the estimate have opposite signs.
+    It is a Gauss-Markov process, whose correlation falls off in `_LASTING_S` (Singer 1970). Times
+    before and after that of the estimate have opposite signs.
     """
     tau, apart_s = _LASTING_S, np.abs(before_s)
     short, long = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)

@@ -27,17 +27,7 @@ class Survey:
         errors: Errors,
         known: Mapping[str, Prior] | None = None,
     ) -> None:
-        """Begin.
-
-        Parameters
-        ----------
-        objects : mapping of str to mapping of int to array, shape (3,)
-            The markers of objects by ID, with their places [m].
-        errors : Errors
-            What readings share.
-        known : mapping of str to Prior, or None
-            Of a former survey, by name.
-        """
+        """Begin with objects, the places (3,) [m] of their markers by ID, and a former survey."""
         self.landmarks: dict[str, Landmark] = {}
         self._objects = objects
         self._errors = errors
@@ -47,11 +37,8 @@ class Survey:
     def take(self, name: str, *readings: Reading) -> Landmark:
         """Take readings of one landmark, and return that.
 
-        Raises
-        ------
-        ValueError
-            If another marker has this name, there are too many landmarks, or readings cannot be
-            solved.
+        ValueError if another marker has this name, there are too many landmarks, or readings cannot
+        be solved.
         """
         landmark = self._landmark(name, readings[0].marker)
         landmark.take(*readings)

@@ -29,18 +29,10 @@ def load_survey(path: Path) -> tuple[str, dict[str, Prior]]:
 
 
 def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
-    """Write landmarks, and return what was done.
+    """Write landmarks, whose estimates are in a fixed frame, and return what was done.
 
     The file is written beside and renamed, so there is always a whole one. The one before is kept
     as a backup, with `.bak` after its name.
-
-    Parameters
-    ----------
-    path : Path
-        A file of landmarks, or none yet.
-    frame : str
-        The fixed frame of the estimates.
-    estimates : list of Estimate
 
     Raises
     ------

@@ -38,16 +38,8 @@ class Calibration:
 def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calibration:
     """Return all that is found in a recording.
 
-    Parameters
-    ----------
-    recording : Recording
-    distance_m : float, optional
-        From the sensor to the clearest marker at rest, measured otherwise [m].
-
-    Raises
-    ------
-    ValueError
-        If there are too few frames, their stamps do not rise, or the distance is not the marker's.
+    `distance_m` is from the sensor to the clearest marker at rest, measured otherwise [m].
+    ValueError if it is not the marker's, there are too few frames, or their stamps do not rise.
     """
     if len(recording) < MIN_FRAMES:
         raise ValueError(

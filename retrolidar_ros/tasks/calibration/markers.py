@@ -46,18 +46,9 @@ def read_markers(
 ) -> dict[int, list[Detection]]:
     """Return the readings of each marker, by its ID, with the bit period that reads most.
 
-    By a wrong one a wrong ID is read now and then; so is a marker that was read but once of a
-    packet that it is to repeat.
-
-    Parameters
-    ----------
-    recording : Recording
-    zones : list of BlinkingZone
-        Of the recording, strongest first.
-    law : NoiseLaw
-        Of the sensor.
-    frame_s : float
-        Frame period [s].
+    Of the zones that blink, the strongest are first, and frames come every `frame_s` [s]. By a
+    wrong bit period a wrong ID is read now and then; so a marker that was read but once of a packet
+    that it is to repeat is left out.
     """
 
     def read(recording: Recording, bit_s: float) -> list[Detection]:
