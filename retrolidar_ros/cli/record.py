@@ -17,9 +17,8 @@ from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
-from retrolidar_ros.sensor.noise import NoiseLaw
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource, in_background
+from retrolidar_ros.sensor.model import NoiseLaw
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource, in_background
 from retrolidar_ros.settings.interrupts import termination_noted
 from retrolidar_ros.settings.parameter import declared
 

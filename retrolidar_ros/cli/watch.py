@@ -23,8 +23,7 @@ from retrolidar_ros.cli.arguments import (
 )
 from retrolidar_ros.cli.watch_state import Watch
 from retrolidar_ros.cli.watch_view import Snapshot, fitted, line, screen
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource, in_background
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource, in_background
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log

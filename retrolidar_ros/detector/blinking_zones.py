@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import NoiseLaw
 
 BLINKING_DB = 3.0
 """Minimum modulation of a blinking zone: noise alone may reach less [dB]."""

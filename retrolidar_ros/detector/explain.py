@@ -14,7 +14,6 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.findings import Cause, Finding, finding, listed
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
-from retrolidar_ros.detector.rejections import adjacency
 from retrolidar_ros.detector.trials import (
     CAPTURED,
     Trial,
@@ -28,8 +27,7 @@ from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT, frame_period
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import NoiseLaw, Status
 
 _TRIED_ON = 640  # newest frames
 _MAX_ZONES = 4
@@ -72,7 +70,7 @@ class Explanation:
         self.zones = blinking_zones(recording, law)
         """Those that blink, strongest first."""
         self._trials: list[Trial] = []
-        self._near = adjacency(recording.grid)
+        self._near = recording.grid.near
         self._explained = self._seen(self._detections)
 
     def findings(self) -> list[Finding]:

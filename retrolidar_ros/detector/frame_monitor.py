@@ -15,7 +15,6 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.parameters import noise_of, registered
-from retrolidar_ros.detector.rejections import adjacency
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -56,7 +55,7 @@ class FrameMonitor:
     def restart(self, grid: ZoneGrid) -> None:
         """Forget the newest frames, not the counts; the next ones may have another grid."""
         self.newest.clear()
-        self._near = adjacency(grid)
+        self._near = grid.near
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns = self._looks = 0
         self._zone: int | None = None  # the zone that blinks and is not read,

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
@@ -16,15 +17,17 @@ from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.placement import core_sensor, placed
-from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
-from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
+from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
 # Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
 _MIN_HELD = 1100
+_SETTLED_PACKETS = 1.5  # by then, any packet that explains a candidate has been read
+_SLACK = 0.1  # of a packet
+_READ = 256  # newest readings that candidates are compared with
 
 
 class Reason(str, Enum):
@@ -71,6 +74,47 @@ class Candidate(NamedTuple):
     """Log likelihood of the best other sequence of bits less its own [nats]."""
     margin: float
     """[nats]"""
+
+
+class Rejections:
+    """Counts rejected candidates, once it is certain that no packet explains them."""
+
+    def __init__(self, grid: ZoneGrid) -> None:
+        """Begin at zero."""
+        self.counts: Counter[str] = Counter()
+        self._near = grid.near
+        self._pending: deque[tuple[int, Candidate]] = deque()
+        self._read: deque[Detection] = deque(maxlen=_READ)
+
+    def take(self, candidates: list[Candidate], detections: list[Detection], now_ns: int) -> None:
+        """Take the candidates and the readings of a frame."""
+        self.settle(now_ns)
+        self._pending += ((now_ns, one) for one in candidates if one.reason is not None)
+        self._read += detections
+
+    def settle(self, now_ns: int) -> None:
+        """Count the candidates that are old enough and not explained."""
+        while self._pending:
+            judged_ns, one = self._pending[0]
+            packet_ns = PACKET_BITS * one.bit_period_s * 1e9
+            if 0 <= now_ns - judged_ns < _SETTLED_PACKETS * packet_ns:
+                break
+            self._pending.popleft()
+            if one.reason is not None and not self._is_read(one, packet_ns):
+                self.counts[one.reason.value] += 1
+
+    def _is_read(self, candidate: Candidate, packet_ns: float) -> bool:
+        """Return whether something was read in, or beside, a candidate's zone, at its time."""
+        zones = len(self._near)
+        # Where only an end of a packet was seen, its time is not known well.
+        begin_ns = candidate.start_ns - _SLACK * packet_ns
+        end_ns = candidate.start_ns + (1 + _SLACK) * packet_ns
+        return any(
+            one.start_ns < end_ns
+            and begin_ns < one.end_ns
+            and (candidate.zone >= zones or self._near[candidate.zone, list(one.zones)].any())
+            for one in self._read
+        )
 
 
 class LikelihoodDetector:

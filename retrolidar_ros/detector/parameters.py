@@ -14,8 +14,7 @@ from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw, SensorModel
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.yaml_files import load_yaml
 

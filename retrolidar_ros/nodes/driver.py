@@ -7,25 +7,34 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from threading import Event, Thread
 from typing import Any
 
 import rclpy
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
+from std_srvs.srv import Trigger
 
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
 from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.sensor_services import offer_services
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.identity import Command
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource
 
 FrameCallback = Callable[[Frame, str], None]
 """Takes a frame, stamped in ROS time, and the TF frame that it was seen from."""
+
+# Timeout of an answer: a sensor needs a frame period, and the reading thread 0.2 s.
+_PATIENCE_S = 1.0
+_DONE = {
+    Command.START: 'the sensor is ranging',
+    Command.STOP: 'the sensor is stopped',
+    Command.RESET: 'the sensor restarts',
+}
 
 
 class DriverNode(LifecycleNode):
@@ -67,7 +76,8 @@ class DriverNode(LifecycleNode):
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
-        offer_services(self, lambda: self._source)
+        for command in _DONE:
+            self.create_service(Trigger, f'~/{command.value}', partial(self._serve, command))
         self._watch = None if on_frame else DetectorWatch(self)
         (board or DiagnosticsPublisher(self)).register_health_check(self, 'frames', self._examine)
         if self._values['autostart']:
@@ -208,3 +218,25 @@ class DriverNode(LifecycleNode):
         if self._watch is not None and (silent := self._watch.problem()):
             health.problems.append((WARN, silent))
         return health
+
+    def _serve(
+        self, command: Command, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Answer a service: that blocks the executor, but no frame, for a second at most."""
+        problem = self._command(command)
+        response.success, response.message = not problem, problem or _DONE[command]
+        return response
+
+    def _command(self, command: Command) -> str:
+        """Send a command to the sensor; return why it has no effect, or ''."""
+        if (source := self._source) is None:
+            return 'not configured: the port is closed'
+        if not source.is_open:
+            return source.problem
+        if source.reader.commands is None:
+            return 'this protocol has no commands'
+        try:
+            is_done = source.reader.commands.ask(command, _PATIENCE_S)
+        except TimeoutError as error:
+            return f'{error}: flash a firmware that knows commands, such as firmware/reader'
+        return '' if is_done else f'the sensor has not obeyed {command.value}'

@@ -25,12 +25,11 @@ from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
 from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.backlog import Backlog, Batch
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior
-from retrolidar_ros.tasks.survey import Survey
+from retrolidar_ros.tasks.survey import Backlog, Batch, Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
 # Every tick, readings are solved for so long: half a core at most. The others wait.

@@ -92,6 +92,13 @@ class ZoneGrid:
         return directions
 
     @cached_property
+    def near(self) -> NDArray[np.bool_]:
+        """Which zones are the same or neighbours, shape (zones, zones)."""
+        place = np.stack(np.divmod(np.arange(self.zones), self.columns))
+        near: NDArray[np.bool_] = np.abs(place[:, :, None] - place[:, None]).max(axis=0) <= 1
+        return near
+
+    @cached_property
     def z_per_range(self) -> Floats:
         """Reported distance over radial range of each zone, shape (zones,).
 

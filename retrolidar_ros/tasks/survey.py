@@ -1,10 +1,12 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All landmarks: data association by name."""
+"""All landmarks: data association by name, and readings that wait to be solved."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from retrolidar_ros.tasks.state import Prior
 MAX_LANDMARKS = 500
 """Of a survey: as many fit into a file that is read."""
 _ORIGIN = np.zeros(3)
+_MAX_WAITING = 8  # readings of a landmark
 
 
 class Survey:
@@ -77,3 +80,42 @@ class Survey:
         fresh = Landmark(name, markers, self._errors, self._known.get(name))
         self.landmarks[name] = fresh
         return fresh
+
+
+class Batch(NamedTuple):
+    """The waiting readings of one landmark."""
+
+    name: str
+    readings: deque[Reading]
+    since_s: float
+    """When the first of them came."""
+
+
+class Backlog:
+    """A bounded queue of landmarks: who waits longest is next, with all its readings at once."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self.dropped = 0
+        """Readings that were dropped for newer ones of their landmark."""
+        self._batches: dict[str, Batch] = {}
+
+    def __len__(self) -> int:
+        """Return how many readings wait."""
+        return sum(len(one.readings) for one in self._batches.values())
+
+    def add(self, name: str, reading: Reading, now_s: float) -> None:
+        """Queue a reading of a landmark."""
+        if name not in self._batches:
+            self._batches[name] = Batch(name, deque(maxlen=_MAX_WAITING), now_s)
+        readings = self._batches[name].readings
+        self.dropped += len(readings) == _MAX_WAITING
+        readings.append(reading)
+
+    def pop(self) -> Batch:
+        """Return the batch that waits longest."""
+        return self._batches.pop(next(iter(self._batches)))
+
+    def clear(self) -> None:
+        """Empty the queue."""
+        self._batches.clear()

@@ -11,7 +11,7 @@ import numpy as np
 from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, blinking_zones
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.frame_rate import frame_period
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import NoiseLaw
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.tasks.calibration.estimate import Estimate
 from retrolidar_ros.tasks.calibration.markers import MarkerFound, marker_of, read_markers

@@ -16,8 +16,7 @@ from retrolidar_ros.detector.blinking_zones import BlinkingZone
 from retrolidar_ros.detector.trials import Trial, best, candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.model import VL53L8CX
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 from retrolidar_ros.tasks.calibration.estimate import Estimate, weighted_mean
 
 _ZONES = 8

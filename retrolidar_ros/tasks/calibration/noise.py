@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import NoiseLaw, Status
 from retrolidar_ros.tasks.calibration.estimate import Estimate, estimates
 
 _BLOCK = 128  # frames
