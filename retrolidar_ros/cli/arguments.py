@@ -54,8 +54,7 @@ def measured(kind: str, minimum: float, maximum: float) -> Callable[[str], float
     return parsed
 
 
-seconds = measured('time', 1e-3, 1e9)
-"""Parse a duration."""
+seconds = measured('time', 1e-3, 1e9)  # parse a duration
 
 
 def output_path(text: str) -> Path:

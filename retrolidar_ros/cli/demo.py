@@ -29,8 +29,7 @@ COMMON = (
     *('-r', f'__ns:={NAMESPACE}'),
 )
 """Arguments of each node."""
-READINGS = 3
-"""How often each marker must be read before the demo ends."""
+READINGS = 3  # how often each marker must be read before the demo ends
 _PATIENCE_S = 60.0
 _TAKEN = (
     f'another driver publishes {NAMESPACE}/frames; end it, or set ROS_DOMAIN_ID to a free number'

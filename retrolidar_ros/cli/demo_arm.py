@@ -34,12 +34,9 @@ class Known(NamedTuple):
     """The estimate of an object at a time in the scene."""
 
     time_s: float
-    off_mm: float
-    """Size of its error."""
-    stddev_mm: float
-    """Its estimated deviation along the worst axis."""
-    is_inside: bool
-    """Whether the truth is in its 99.9 % ellipsoid."""
+    off_mm: float  # size of its error
+    stddev_mm: float  # its estimated deviation along the worst axis
+    is_inside: bool  # whether the truth is in its 99.9 % ellipsoid
 
     def __str__(self) -> str:
         """Return error and deviation [mm]."""
@@ -50,8 +47,7 @@ class _Hand:
     """Collects the poses of objects, in the frame of the scene."""
 
     def __init__(self, listener: Listener, scene: Scene) -> None:
-        self.zero_ns = 0
-        """When the scene begins; 0 = it does not yet."""
+        self.zero_ns = 0  # when the scene begins; 0 = it does not yet
         self.stays = [
             (np.array(after.position_m), after.time_s)
             for before, after in pairwise(scene.sensor.path)

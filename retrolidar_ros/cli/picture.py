@@ -37,14 +37,10 @@ class _Shown(NamedTuple):
     """What all parts of the picture show."""
 
     recording: Recording
-    origin_ns: int
-    """Time zero of the picture."""
-    time_s: Floats
-    """Of each frame, shape (frames,)."""
-    ids: dict[int, str]
-    """Colours of markers."""
-    zones: dict[int, str]
-    """Colours of zones of interest."""
+    origin_ns: int  # time zero of the picture
+    time_s: Floats  # of each frame, shape (frames,)
+    ids: dict[int, str]  # colours of markers
+    zones: dict[int, str]  # colours of zones of interest
 
 
 def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:

@@ -28,8 +28,7 @@ from retrolidar_ros.sensor.wire import WireCounts
 
 # The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
 _KEPT_BITS = PACKET_BITS + 3
-_RATE_S = 2.0
-"""Over which frames are counted for their rate."""
+_RATE_S = 2.0  # over which frames are counted for their rate
 _SILENCE_S = 1.0
 # Another zone has to blink by so much more than that which is shown.
 _MORE_DB = 3.0

@@ -33,8 +33,7 @@ class Agreement:
             lambda: deque(maxlen=4 * min_readings)
         )
         self._passed_ns: dict[int, int] = {}
-        self.passed = self.withheld = 0
-        """Counts of readings that were confirmed, and withheld."""
+        self.passed = self.withheld = 0  # counts of readings that were confirmed, and withheld
 
     def confirmed(self, detections: Sequence[Detection]) -> list[Detection]:
         """Return the new readings that are confirmed."""

@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
 from retrolidar_ros.sensor.model import NoiseLaw
 
-BLINKING_DB = 3.0
-"""Minimum modulation of a blinking zone: noise alone may reach less [dB]."""
-MIN_FRAMES = 64
-"""Frames that a bit period is estimated from."""
+BLINKING_DB = 3.0  # minimum modulation of a blinking zone: noise alone may reach less [dB]
+MIN_FRAMES = 64  # frames that a bit period is estimated from
 # A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
 _MAX_FRAMES = 9
 # A line of noise is 1 high on average; this is less than what one in hundreds of them reaches.
@@ -28,21 +26,16 @@ _NOISE_LINE = 4.0
 _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
 _APART = 0.03
 _CANDIDATES = 4
-SURE = 5.0
-"""Minimum strength of a spectral line that is not noise."""
+SURE = 5.0  # minimum strength of a spectral line that is not noise
 
 
 class Samples(NamedTuple):
     """The newest samples of all zones, oldest first."""
 
-    begin_s: Floats
-    """Begin of each exposure since the first [s], shape (samples,)."""
-    end_s: Floats
-    """End of each exposure [s], shape (samples,)."""
-    signal: Floats
-    """[kcps/SPAD]; 0 of an erasure; shape (samples, zones)."""
-    valid: NDArray[np.bool_]
-    """Which are valid, shape (samples, zones)."""
+    begin_s: Floats  # begin of each exposure since the first [s], shape (samples,)
+    end_s: Floats  # end of each exposure [s], shape (samples,)
+    signal: Floats  # [kcps/SPAD]; 0 of an erasure; shape (samples, zones)
+    valid: NDArray[np.bool_]  # which are valid, shape (samples, zones)
 
     @classmethod
     def of(cls, recording: Recording) -> Samples:
@@ -78,20 +71,16 @@ class Period(NamedTuple):
     """A possible bit period of a blinking zone."""
 
     bit_period_s: float
-    strength: float
-    """By how much its lines exceed those of noise, whose mean is 1; from `SURE` on it is one."""
+    strength: float  # by how much its lines exceed those of noise; from `SURE` on it is one
 
 
 class BlinkingZone(NamedTuple):
     """A zone whose signal varies beyond noise."""
 
     zone: int
-    modulation_db: float
-    """The SNR of a marker with this variation [dB]."""
-    contrast: float
-    """Its variation as a share of its largest signal."""
-    periods: tuple[Period, ...]
-    """Possible bit periods, likeliest first; empty if there is no bit clock."""
+    modulation_db: float  # the SNR of a marker with this variation [dB]
+    contrast: float  # its variation as a share of its largest signal
+    periods: tuple[Period, ...]  # possible ones, likeliest first; empty without a bit clock
 
     @property
     def is_clocked(self) -> bool:

@@ -17,16 +17,11 @@ _USUAL_ZONES = 16
 class Demands(NamedTuple):
     """Thresholds of log likelihood ratios [nats]."""
 
-    evidence: float
-    """Minimum ratio to noise and a wandering level."""
-    wandering: float
-    """Added to it where the level wanders."""
-    word: float
-    """Maximum log likelihood ratio of another bit sequence."""
-    margin: float
-    """Minimum ratio to any other ID."""
-    margin_of_more: float
-    """The same if more packets may follow: then an ambiguous one can wait."""
+    evidence: float  # minimum ratio to noise and a wandering level
+    wandering: float  # added to it where the level wanders
+    word: float  # maximum log likelihood ratio of another bit sequence
+    margin: float  # minimum ratio to any other ID
+    margin_of_more: float  # the same if more packets may follow: then an ambiguous one can wait
 
 
 def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:

@@ -33,8 +33,7 @@ class Decoding:
         self._newest: deque[Frame] = deque(maxlen=_KEPT)
         self._rejected: dict[int, Candidate] = {}  # the best of each zone
         self._read: list[Detection] = []
-        self.detections: list[Detection] = []
-        """Confirmed detections so far, of the last zone grid."""
+        self.detections: list[Detection] = []  # confirmed detections so far, of the last zone grid
 
     def detect(self, frames: Iterable[Frame]) -> Iterator[Detection]:
         """Yield the detections in frames as they become certain."""

@@ -67,8 +67,7 @@ class Explanation:
         if self._noise_scale > 1:
             scale = self._noise_scale
             law = NoiseLaw(law.floor * scale, law.slope * scale, 0.0)
-        self.zones = blinking_zones(recording, law)
-        """Those that blink, strongest first."""
+        self.zones = blinking_zones(recording, law)  # those that blink, strongest first
         self._trials: list[Trial] = []
         self._near = recording.grid.near
         self._explained = self._seen(self._detections)

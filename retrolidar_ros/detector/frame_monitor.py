@@ -41,14 +41,10 @@ class FrameMonitor:
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin with no frame of `grid`."""
         self.frames = 0
-        self.lost = 0
-        """Frames that were sent, by the sequence counter, and never came."""
-        self.unsent = 0
-        """Frames that are missing because the node before this one did not send them."""
-        self.repeated = 0
-        """Frames that came a second time, and were left out."""
-        self.reversed = 0
-        """Frames with a lower counter than the one before: a sensor restarted, or there are two."""
+        self.lost = 0  # frames that were sent, by the sequence counter, and never came
+        self.unsent = 0  # frames that the node before this one did not send
+        self.repeated = 0  # frames that came a second time, and were left out
+        self.reversed = 0  # frames whose counter went back: a sensor restarted, or there are two
         self.newest: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 

@@ -33,18 +33,12 @@ _READ = 256  # newest readings that candidates are compared with
 class Reason(str, Enum):
     """Why a candidate is rejected, as diagnostics and tables name it."""
 
-    EVIDENCE = 'evidence'
-    """Noise, a wandering level and packets read before explain the samples nearly as well."""
-    NOT_A_WORD = 'not a word'
-    """Other bits, of no packet or of another clock, explain them much better."""
-    MARGIN = 'margin'
-    """A packet of another ID explains them nearly as well."""
-    INCOMPLETE = 'incomplete'
-    """The packet may not have ended, or not repeat, or its clock is off."""
-    ERASED = 'erased'
-    """Too few of its samples are valid."""
-    DISTANCE = 'distance'
-    """It was read, but no distance was measured."""
+    EVIDENCE = 'evidence'  # noise, a wandering level and packets read before do as well
+    NOT_A_WORD = 'not a word'  # other bits, of no packet or of another clock, do much better
+    MARGIN = 'margin'  # a packet of another ID does nearly as well
+    INCOMPLETE = 'incomplete'  # the packet may not have ended, or not repeat, or its clock is off
+    ERASED = 'erased'  # too few of its samples are valid
+    DISTANCE = 'distance'  # it was read, but no distance was measured
 
 
 _REASONS = {
@@ -61,19 +55,14 @@ class Candidate(NamedTuple):
     """A packet that was judged."""
 
     id: int
-    zone: int
-    """The zone, or from `zones` on the sum of zones, that was searched."""
+    zone: int  # the zone, or from `zones` on the sum of zones, that was searched
     packets: int
-    reason: Reason | None
-    """Why it was rejected; None if it was read."""
+    reason: Reason | None  # why it was rejected; None if it was read
     start_ns: int
     bit_period_s: float
-    evidence: float
-    """[nats]; this and the next two are 0 if it was rejected before they were computed."""
-    word: float
-    """Log likelihood of the best other sequence of bits less its own [nats]."""
-    margin: float
-    """[nats]"""
+    evidence: float  # [nats]; like the next two 0 if it was rejected before
+    word: float  # log likelihood of the best other sequence of bits less its own [nats]
+    margin: float  # [nats]
 
 
 class Rejections:
@@ -132,8 +121,7 @@ class LikelihoodDetector:
         sensor: SensorModel,
     ) -> None:
         """Prepare for frames of `grid`; parameters as of `create_detector`."""
-        self.candidates: list[Candidate] = []
-        """Candidates judged in the latest update."""
+        self.candidates: list[Candidate] = []  # candidates judged in the latest update
         self._grid = replace(grid, view=sensor.field_of_view)
         self._sizes_m = sizes_m
         self._unplaced = 0

@@ -18,8 +18,7 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
 
 MAX_PACKETS = 8
-METHODS = ('joint', 'paper')
-"""The default first."""
+METHODS = ('joint', 'paper')  # the default first
 
 
 def create_detector(

@@ -23,12 +23,9 @@ _MIN_VALID = 0.5
 class NewestBits(NamedTuple):
     """The last 31 bits that a zone saw, oldest first."""
 
-    signal: Floats
-    """Mean of each bit [kcps/SPAD], NaN where it was erased, shape (31,)."""
-    dark: float
-    """Mean of the darker bits [kcps/SPAD]."""
-    bright: float
-    """Mean of the brighter bits [kcps/SPAD]."""
+    signal: Floats  # mean of each bit [kcps/SPAD], NaN where it was erased, shape (31,)
+    dark: float  # mean of the darker bits [kcps/SPAD]
+    bright: float  # mean of the brighter bits [kcps/SPAD]
 
     @property
     def erased(self) -> NDArray[np.bool_]:

@@ -17,10 +17,8 @@ from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 class Bearing(NamedTuple):
     """A direction as tangents to the optical axis, x/z and y/z."""
 
-    tangent: Floats
-    """Shape (2,)."""
-    variance: Floats
-    """Of each tangent, shape (2,)."""
+    tangent: Floats  # shape (2,)
+    variance: Floats  # of each tangent, shape (2,)
 
 
 def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
@@ -32,14 +30,10 @@ def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
 class Place:
     """A marker's pose in the optical frame of the sensor: x right, y down, z forward."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    orientation: Floats
-    """Quaternion (x, y, z, w), shape (4,): facing the sensor, z pointing away from it."""
-    covariance: Floats
-    """Of x, y, z [m²] and the rotations about the frame's x, y, z axes [rad²], shape (6, 6)."""
-    range_m: float
-    """Radial distance."""
+    position_m: Floats  # shape (3,)
+    orientation: Floats  # quaternion (x, y, z, w): facing the sensor, z pointing away from it
+    covariance: Floats  # of x, y, z [m²] and rotations about these axes [rad²], shape (6, 6)
+    range_m: float  # radial distance
     range_stddev_m: float
 
     @property

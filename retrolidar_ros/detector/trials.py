@@ -19,10 +19,8 @@ from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT
 
-Read = Callable[[Recording, float], list[Detection]]
-"""Reads a recording with a bit period [s]."""
-CAPTURED = 0.02
-"""Relative difference up to which a detector finds a bit period, and that of farther trials."""
+Read = Callable[[Recording, float], list[Detection]]  # reads a recording with a bit period [s]
+CAPTURED = 0.02  # relative error of a bit period that a detector makes up for
 # Frames a bit, 5 % apart, nearest to two first.
 _GRID = sorted(np.geomspace(1.0, 9.0, 46).tolist(), key=lambda frames: abs(np.log2(frames / 2)))
 _SURE = 0.4  # of a recording

@@ -30,8 +30,7 @@ def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:
 
 
 _PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
-WORDS = _PACKETS[:, -WORD_BITS:]
-"""The codewords of all IDs, shape (4096, 24)."""
+WORDS = _PACKETS[:, -WORD_BITS:]  # the codewords of all IDs, shape (4096, 24)
 PREAMBLE = _PACKETS[0, :-WORD_BITS]
 
 # Their codewords are all bright and all dark: nothing is modulated after the preamble.
@@ -44,10 +43,8 @@ _ROWS_AT_ONCE = 2048  # of a matrix product, 32 MB
 class Decoded(NamedTuple):
     """The outcome of decoding, each of the words' batch shape."""
 
-    ids: NDArray[np.int64]
-    """The decoded ID, -1 where the word was rejected."""
-    corrected_bits: NDArray[np.int8]
-    """How many bits were wrong, 0 to 3; -1 where four or more were."""
+    ids: NDArray[np.int64]  # the decoded ID, -1 where the word was rejected
+    corrected_bits: NDArray[np.int8]  # how many bits were wrong, 0 to 3; -1 where four or more were
 
 
 def check_ids(ids: ArrayLike) -> NDArray[np.int64]:

@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, check_ids, packet
 
-SAFE_DISTANCE = 8
-"""What the Golay code gives at the right start: three wrong bits do no harm."""
+SAFE_DISTANCE = 8  # what the Golay code gives at the right start: three wrong bits do no harm
 
 USABLE_IDS: NDArray[np.int64] = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 
@@ -29,12 +28,9 @@ class ConfusablePair(NamedTuple):
     """Two markers, or one with itself, that come close at some start bit."""
 
     first: int
-    second: int
-    """The higher ID, or again the first."""
-    distance: int
-    """In how many bits they differ; 0 if the ID is in the set more than once."""
-    shift: int
-    """Start bit of `first`, 0 to 30, at which it is so close to the packet of `second`."""
+    second: int  # the higher ID, or again the first
+    distance: int  # in how many bits they differ; 0 if the ID is in the set more than once
+    shift: int  # start bit of `first`, 0 to 30, at which it is so close to the packet of `second`
 
 
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:

@@ -25,8 +25,7 @@ from retrolidar_ros.settings.section import (
 )
 from retrolidar_ros.settings.yaml_files import load_parsed
 
-MARKER_SIZE_M = 0.03
-"""Edge of the paper's retroreflector (§5)."""
+MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)
 # Names that TF accepts; a leading slash it does not.
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
 
@@ -53,15 +52,12 @@ class KnownMarker:
     """One line of a marker file."""
 
     id: int
-    frame: Annotated[str, _frame] = ''
-    """Its TF frame; if none is given, named by its ID."""
+    frame: Annotated[str, _frame] = ''  # its TF frame; if none is given, named by its ID
     note: Annotated[str, text] = ''
     size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
     """Edge of the square retroreflector."""
-    object: Annotated[str, _frame] = ''
-    """What it is fixed to; empty: it is an object of its own."""
-    place_m: Annotated[Triple, place(100)] = (0.0, 0.0, 0.0)
-    """Where on that."""
+    object: Annotated[str, _frame] = ''  # what it is fixed to; empty: it is an object of its own
+    place_m: Annotated[Triple, place(100)] = (0.0, 0.0, 0.0)  # where on that
 
     def __post_init__(self) -> None:
         """Name the frame."""

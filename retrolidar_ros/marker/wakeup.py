@@ -19,17 +19,13 @@ from retrolidar_ros.sensor.frame import Floats
 NOISE_V = {'dark': 14.812e-3, 'indoors': 16.443e-3, 'LED': 16.895e-3, 'outdoors': 36.695e-3}
 """Noise by surroundings; LED is an infrared camera's."""
 GUARD_V = 1e-3
-THRESHOLD_V = NOISE_V['indoors'] + GUARD_V
-"""The paper's (§6.5)."""
-REACH_M = 2.25
-"""Distance up to which the paper's threshold is exceeded (§6.5)."""
-LARGEST_ANGLE_RAD = math.radians(55)
-"""Angle beyond which the photodiode receives nothing (§6.5)."""
+THRESHOLD_V = NOISE_V['indoors'] + GUARD_V  # the paper's (§6.5)
+REACH_M = 2.25  # distance up to which the paper's threshold is exceeded (§6.5)
+LARGEST_ANGLE_RAD = math.radians(55)  # angle beyond which the photodiode receives nothing (§6.5)
 LOOK_S = 1e-3
 LOOK_EVERY_S = 0.1
 LATENCY_S = 0.4e-3  # of the circuit (paper §5)
-WAKING_S = LOOK_EVERY_S + LATENCY_S
-"""Longest time from the first light to the first bit."""
+WAKING_S = LOOK_EVERY_S + LATENCY_S  # longest time from the first light to the first bit
 
 
 def needed_light_v(threshold_v: float, noise_v: float) -> float:

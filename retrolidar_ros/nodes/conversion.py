@@ -32,8 +32,7 @@ from retrolidar_ros.sensor.frame import (
 )
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
-Marked: TypeAlias = 'MarkerDetection | MarkerTrack'
-"""A message with the place of a marker."""
+Marked: TypeAlias = 'MarkerDetection | MarkerTrack'  # a message with the place of a marker
 # Deviation of a marker's rate of turn, which is not measured [rad/s].
 _ANY_TURN_RATE = 3.0
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')

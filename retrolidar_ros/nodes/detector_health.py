@@ -30,8 +30,7 @@ class DetectorHealth:
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin at zero."""
         self.monitor = FrameMonitor(grid)
-        self.foreign = 0
-        """Frames from another TF frame than the one before."""
+        self.foreign = 0  # frames from another TF frame than the one before
         self._dropped = 0
         self._reason = ''
         self._frame_s = self._examined_s = time.monotonic()

@@ -36,8 +36,7 @@ try:
     from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 except ImportError:  # not installed: no subscribers
     Detection3DArray = None
-NAME = '{name}'
-"""What stands for a marker's name in the parameter `child_frame`."""
+NAME = '{name}'  # what stands for a marker's name in the parameter `child_frame`
 _MAX_POSES = 100
 _BEAT_PERIOD_S = 0.2
 _SHAPE_PERIOD_NS = 60_000_000  # of tracks

@@ -25,8 +25,7 @@ from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import Command
 from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource
 
-FrameCallback = Callable[[Frame, str], None]
-"""Takes a frame, stamped in ROS time, and the TF frame that it was seen from."""
+FrameCallback = Callable[[Frame, str], None]  # takes a stamped frame and its TF frame
 
 # Timeout of an answer: a sensor needs a frame period, and the reading thread 0.2 s.
 _PATIENCE_S = 1.0

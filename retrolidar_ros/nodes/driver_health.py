@@ -34,10 +34,8 @@ class _Counts(NamedTuple):
     untimed: int = 0
     zones: int = 0
     normal: int = 0
-    late_ns: int = 0
-    """Sum over the frames, from the middle of the exposure until they were published."""
-    stamp_ns: int = 0
-    """Of the newest frame."""
+    late_ns: int = 0  # sum over the frames, from mid-exposure until they were published
+    stamp_ns: int = 0  # of the newest frame
 
 
 class DriverTally:

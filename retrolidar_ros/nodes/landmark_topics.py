@@ -32,8 +32,7 @@ class LandmarkTopics:
         self._fixed = fixed_frame
         self._child_frame = child_frame
         self._poses: dict[str, Publisher] = {}
-        self._taken: set[str] = set()
-        """Frames that have another parent."""
+        self._taken: set[str] = set()  # frames that have another parent
         self._broadcaster = TransformBroadcaster(node) if send else None
         self._shapes = publisher(node, MarkerArray, '~/marker_array', LATCHED)
         self._shapes_due = False

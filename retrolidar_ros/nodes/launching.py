@@ -77,8 +77,7 @@ SENSOR: dict[str, tuple[Any, str]] = {
 }
 """Those of every launch file for one sensor."""
 _MIN_DELAY_S = 0.1
-_MISCONFIGURED = 2
-"""Exit code of a node with wrong parameters or files; a restart would not help."""
+_MISCONFIGURED = 2  # exit code of a node with wrong parameters or files; a restart would not help
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 

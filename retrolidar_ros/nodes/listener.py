@@ -26,8 +26,7 @@ class Listener:
 
     def __init__(self, namespace: str) -> None:
         """Join the graph; the context is this object's own."""
-        self.frames: list[tuple[FrameMsg, int]] = []
-        """Each with the host time of its receipt [ns]."""
+        self.frames: list[tuple[FrameMsg, int]] = []  # each with the host time of its receipt [ns]
         self.markers: list[tuple[MarkerDetection, int]] = []
         self.transforms: list[TransformStamped] = []
         self._context = rclpy.Context()

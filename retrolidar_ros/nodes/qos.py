@@ -22,8 +22,7 @@ STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """QoS of a sensor's topics: reliable, so that reliable and best-effort subscribers connect."""
 FRAME_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """QoS of frames for a detector, which needs all: the queue covers a stall of 20 s."""
-EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""QoS of events, which come in bursts."""
+EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)  # come in bursts
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Latched: late-joining subscribers receive the last message."""
 _OVERRIDABLE = QoSOverridingOptions.with_default_policies()

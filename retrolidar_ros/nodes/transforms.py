@@ -65,11 +65,9 @@ class TransformSender:
         self._node = node
         self._lock = Lock()  # sending and receiving may be in different threads
         self._broadcaster: TransformBroadcaster | None = None
-        self._sent: dict[str, deque[int]] = {}
-        """Newest stamps [ns], by child frame."""
+        self._sent: dict[str, deque[int]] = {}  # newest stamps [ns], by child frame
         self._parents: dict[str, str] = {}
-        self._shared: dict[str, str] = {}
-        """Parents that other nodes give to our child frames."""
+        self._shared: dict[str, str] = {}  # parents that other nodes give to our child frames
         self._began_s = 0.0
         self._listener: Node | None = None
         self._executor = SingleThreadedExecutor(context=node.context)

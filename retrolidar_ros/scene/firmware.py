@@ -12,8 +12,7 @@ from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import Command, Identity, encode_identity
 from retrolidar_ros.sensor.wire import Splitter, encode_frame, encode_packet
 
-VERSION = '0.1.0'
-"""That of `firmware/reader`."""
+VERSION = '0.1.0'  # that of `firmware/reader`
 _MAX_CHARACTERS = 15  # of a line
 _END = b'\n'
 
@@ -28,8 +27,7 @@ class EmulatedFirmware:
         self._is_ranging = True
         self._is_reset = False
         self._begin_us = 0
-        self._uncounted = 0
-        """Frames of the scene that are not counted: before a reset, and while stopped."""
+        self._uncounted = 0  # frames of the scene before a reset, or while stopped
 
     def answer(self, data: bytes) -> bytes:
         """Obey the commands in what the host sends; return what to answer."""

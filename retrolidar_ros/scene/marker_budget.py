@@ -16,10 +16,8 @@ from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 
 SNR = 'c/\N{GREEK SMALL LETTER SIGMA}'
-NEEDED_SNR_DB = 8.4
-"""c over sigma at which the default method reads 80 % of lone packets."""
-SENSOR_REACH_M = 4.0
-"""To what distance a VL53L8CX measures."""
+NEEDED_SNR_DB = 8.4  # c over sigma at which the default method reads 80 % of lone packets
+SENSOR_REACH_M = 4.0  # to what distance a VL53L8CX measures
 
 
 def budget(

@@ -60,14 +60,11 @@ def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Fl
 class Transmission(NamedTuple):
     """What a marker sends, and how its liquid crystal follows."""
 
-    bits: NDArray[np.uint8]
-    """Of a packet and the gap behind it, 1 = dark, shape (n,)."""
+    bits: NDArray[np.uint8]  # of a packet and the gap behind it, 1 = dark, shape (n,)
     bit_s: float
-    start_s: float
-    """When the first packet begins; it is bright before."""
+    start_s: float  # when the first packet begins; it is bright before
     response: Response
-    packets: float = math.inf
-    """How many it sends, before it stays bright."""
+    packets: float = math.inf  # how many it sends, before it stays bright
 
     @classmethod
     def of(cls, marker: Marker) -> Transmission:

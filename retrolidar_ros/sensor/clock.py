@@ -10,10 +10,8 @@ a constant, the smallest delay that ever occurred.
 
 from __future__ import annotations
 
-WINDOW_S = 60.0
-"""How far back pairs are kept: long against the delay's jitter, short against drifts."""
-MAX_SKEW = 0.05
-"""Largest relative error of a sensor's clock that is accepted."""
+WINDOW_S = 60.0  # how far back pairs are kept: long against jitter, short against drifts
+MAX_SKEW = 0.05  # largest relative error of a sensor's clock that is accepted
 # Frames come early only if a clock was set; late also while the transport stalls, but not long.
 _STEP_NS = 100_000_000
 _STALL_NS = 1_000_000_000
@@ -36,11 +34,9 @@ class ClockMap:
         which is taken off every stamp [s].
         """
         self.restarts = 0
-        self.skew = 0.0
-        """Host seconds per sensor second, less one; 0 while unknown."""
+        self.skew = 0.0  # host seconds per sensor second, less one; 0 while unknown
         self._min_delay_ns = round(min_delay_s * 1e9)
-        self.offset_s = 0.0
-        """Host time less sensor time, of the last frame."""
+        self.offset_s = 0.0  # host time less sensor time, of the last frame
         self._turns_ns = 0
         self._last_stamp_ns: int | None = None
         self._hull: list[tuple[int, int]] = []

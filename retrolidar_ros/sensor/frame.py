@@ -114,8 +114,7 @@ class ZoneGrid:
         return 1 / mean_secant
 
 
-GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}
-"""The usual grid of each shape."""
+GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}  # the usual grid of each shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,21 +124,14 @@ class Frame:
     The arrays have the shape (zones,), in the order of the scene.
     """
 
-    stamp_ns: int
-    """Middle of the exposure [ns]: the sensor's clock until a driver maps it to ROS time."""
-    sequence: int
-    """The sensor's frame counter, 32 bits; a jump means lost frames."""
-    sensor_time_us: int
-    """The sensor's clock at the middle of the exposure [µs]."""
+    stamp_ns: int  # middle of the exposure [ns]: by the sensor's clock until a driver maps it
+    sequence: int  # the sensor's frame counter, 32 bits; a jump means lost frames
+    sensor_time_us: int  # the sensor's clock at the middle of the exposure [µs]
     grid: ZoneGrid
-    distance: NDArray[np.float32]
-    """Along the optical axis [m]; NaN where there is no target."""
-    signal: NDArray[np.float32]
-    """Received signal [kcps/SPAD]."""
-    ambient: NDArray[np.float32]
-    """Ambient light [kcps/SPAD]."""
-    status: NDArray[np.uint8]
-    """The sensor's target status codes, see `Status`."""
+    distance: NDArray[np.float32]  # along the optical axis [m]; NaN where there is no target
+    signal: NDArray[np.float32]  # received signal [kcps/SPAD]
+    ambient: NDArray[np.float32]  # ambient light [kcps/SPAD]
+    status: NDArray[np.uint8]  # the sensor's target status codes, see `Status`
 
     def check(self) -> None:
         """Raise ValueError naming the first array that does not hold one value a zone."""

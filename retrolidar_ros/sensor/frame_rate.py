@@ -10,11 +10,9 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Recording
 
-RATE_FRAMES = 33
-"""Number of frames whose median interval is taken for the frame period."""
+RATE_FRAMES = 33  # number of frames whose median interval is taken for the frame period
 _COUNTER = 2**32
-FRAMES_A_BIT = (0.95, 9.0)
-"""How many frames a bit lasts at least and at most, if it is to be read."""
+FRAMES_A_BIT = (0.95, 9.0)  # how many frames a bit lasts at least and at most, if it is to be read
 _JUDGED_FRAMES = 10
 _MIN_PERIOD_NS = 1_000_000
 

@@ -31,10 +31,8 @@ class Command(Enum):
 class Identity(NamedTuple):
     """The answer of a sensor to each command, also sent when it starts."""
 
-    version: str
-    """Of its firmware."""
-    serial: str
-    """Its serial number, in 24 hexadecimal digits."""
+    version: str  # of its firmware
+    serial: str  # its serial number, in 24 hexadecimal digits
     is_ranging: bool
 
     def text(self) -> str:
@@ -66,8 +64,7 @@ class Commands:
 
     def __init__(self) -> None:
         """Begin without commands."""
-        self.identity: Identity | None = None
-        """The last answer of the sensor at the port."""
+        self.identity: Identity | None = None  # the last answer of the sensor at the port
         self._answers = 0
         self._wants_ranging = True
         self._is_reminded = False

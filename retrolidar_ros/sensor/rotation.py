@@ -79,5 +79,4 @@ def _quarter_turns() -> list[Floats]:
     return sorted(turns, key=lambda turn: -float(np.trace(turn)))
 
 
-QUARTER_TURNS = _quarter_turns()
-"""The 24 rotations that turn a cube into itself, the least first."""
+QUARTER_TURNS = _quarter_turns()  # the 24 rotations that turn a cube into itself, the least first

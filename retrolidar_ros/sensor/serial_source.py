@@ -91,8 +91,7 @@ class SerialSource:
         self.baud = baud
         self.reader = reader
         self.is_open = False
-        self.problem = f'{port} has not been opened yet'
-        """Why the port is not open; empty while it is."""
+        self.problem = f'{port} has not been opened yet'  # empty while it is open
         self.openings = 0
 
     @property

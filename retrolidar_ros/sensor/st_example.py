@@ -19,10 +19,8 @@ from retrolidar_ros.sensor.model import VL53L8CX, Status
 from retrolidar_ros.sensor.wire import Splitter, WireCounts
 
 MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five digits
-SWITCH_LIGHT = b's'
-"""Switches the signal and the ambient light on, or off again."""
-PATIENCE_FRAMES = 5
-"""Frames without signal until it is requested again: some were on the way."""
+SWITCH_LIGHT = b's'  # switches the signal and the ambient light on, or off again
+PATIENCE_FRAMES = 5  # frames without signal until it is requested again: some were on the way
 
 _LINE_END = b'\n'
 _TEXT = re.compile(rb'[\x1b\r\x20-\x7e]*')
@@ -69,8 +67,7 @@ class _Table:
         """Start before its title."""
         self.has_title = False
         self._has_light = False
-        self._lines: list[list[str]] = []
-        """Cells of ranging, and of light after each if there is any."""
+        self._lines: list[list[str]] = []  # cells of ranging, and of light after each, if any
 
     def take(self, line: str) -> bool:
         """Take a line; return whether it completes the table; ValueError if it is none of it."""
@@ -146,8 +143,7 @@ class StExampleReader:
         """Forget a frame that was cut off, and what was requested."""
         self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
         self._table = None
-        self._dark_frames = 0
-        """Frames without signal since one with it."""
+        self._dark_frames = 0  # frames without signal since one with it
         self._is_light_wanted = False
 
     def request(self) -> bytes:

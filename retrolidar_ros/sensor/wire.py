@@ -133,16 +133,12 @@ class WireCounts:
 
     bytes: int = 0
     frames: int = 0
-    bad_framing: int = 0
-    """Not valid COBS; a line that is no text."""
+    bad_framing: int = 0  # not valid COBS; a line that is no text
     bad_crc: int = 0
-    bad_shape: int = 0
-    """A packet of an impossible shape or length."""
+    bad_shape: int = 0  # a packet of an impossible shape or length
     unknown_kind: int = 0
-    overlong: int = 0
-    """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
-    withheld: int = 0
-    """Frames without signal, which the sensor is requested to switch on."""
+    overlong: int = 0  # more than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter
+    withheld: int = 0  # frames without signal, which the sensor is requested to switch on
 
     @property
     def damaged(self) -> int:
@@ -215,8 +211,7 @@ class FrameReader:
         self.counts = WireCounts()
         self.commands = Commands()
         self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
-        self._is_in_step = False
-        """Whether the next packet is known to come from its beginning."""
+        self._is_in_step = False  # whether the next packet is known to come from its beginning
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""

@@ -22,16 +22,11 @@ _COMMENT = re.compile(r'(.+?)(?: Range: (\S+) to (\S+)\.)?(?: One of: (.+?)\.)?(
 class Parameter(NamedTuple):
     """A parameter of a node; some of the detector's are options of the command, too."""
 
-    default: Any
-    """Its type is that of the parameter: bool, int, float, str, or list."""
-    description: str
-    """With the unit."""
-    limits: tuple[float, float] | None
-    """Of an int or float. A list with limits holds int, one without holds str."""
-    among: tuple[str, ...]
-    """What a str may be; empty = anything."""
-    is_live: bool
-    """Whether it may be set while the node runs."""
+    default: Any  # its type is that of the parameter: bool, int, float, str, or list
+    description: str  # with the unit
+    limits: tuple[float, float] | None  # of numbers; a list without limits holds str
+    among: tuple[str, ...]  # what a str may be; empty = anything
+    is_live: bool  # whether it may be set while the node runs
 
     @classmethod
     def of(cls, default: Any, comment: str) -> Parameter:

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import math
 
-WINDOW_S = 10.0
-"""Of the paper's detection rate."""
+WINDOW_S = 10.0  # of the paper's detection rate
 # A larger jump of time is a clock that was set.
 _MAX_WINDOWS = 100
 
@@ -28,10 +27,8 @@ class Heartbeat:
         """Count from a time on."""
         self._begun = True
         self.beats = 0
-        self.windows = 0
-        """Complete windows."""
-        self.windows_alive = 0
-        """Windows with at least one detection."""
+        self.windows = 0  # complete windows
+        self.windows_alive = 0  # windows with at least one detection
         self._window_start_s = self._last_s = time_s
         self._longest_s = 0.0
         self._beats_in_window = 0

@@ -37,24 +37,15 @@ class Estimate:
     """Where a landmark is."""
 
     name: str
-    stamp_s: float
-    """When it holds: at the last reading; if it moves, up to when all sensors have reported."""
-    position_m: Floats
-    """Shape (3,), in the fixed frame."""
-    rotation: Floats
-    """Turns directions of the object into those of the fixed frame, shape (3, 3)."""
-    velocity: Floats
-    """Shape (3,) [m/s]."""
-    covariance: Floats
-    """Of the position [m²] and the rotation about the fixed axes [rad²], shape (6, 6)."""
-    readings: int
-    """How many readings it is made of."""
-    baseline_m: float
-    """Largest distance between the sensors' places."""
-    rejected: int
-    """How many readings were outliers, since the beginning."""
-    moved_s: float | None
-    """When it was last found elsewhere."""
+    stamp_s: float  # when it holds: at the last reading, or, if it moves, that of all sensors
+    position_m: Floats  # shape (3,), in the fixed frame
+    rotation: Floats  # turns directions of the object into those of the fixed frame, shape (3, 3)
+    velocity: Floats  # shape (3,) [m/s]
+    covariance: Floats  # of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)
+    readings: int  # how many readings it is made of
+    baseline_m: float  # largest distance between the sensors' places
+    rejected: int  # how many readings were outliers, since the beginning
+    moved_s: float | None  # when it was last found elsewhere
 
     @property
     def stddev_m(self) -> float:

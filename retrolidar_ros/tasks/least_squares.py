@@ -19,8 +19,7 @@ _MAX_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
 _MAX_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
-TURN_VARIANCE = math.pi**2 / 3
-"""Of an angle that can be anything [rad²]."""
+TURN_VARIANCE = math.pi**2 / 3  # of an angle that can be anything [rad²]
 
 
 class Problem:

@@ -30,12 +30,9 @@ _CLEAR_M, _CLEAR = 0.2, 0.5
 class RobotPose(NamedTuple):
     """Where a robot's base is in the frame of the markers."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the base into those of the markers' frame, shape (3, 3)."""
-    covariance: Floats
-    """Of the position [m²] and the rotation about the axes of that frame [rad²], shape (6, 6)."""
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the base into those of the markers' frame, shape (3, 3)
+    covariance: Floats  # of position [m²] and rotation about that frame's axes [rad²], (6, 6)
 
 
 def room_of(

@@ -31,18 +31,14 @@ class ViewPlanner:
         """Begin without a viewpoint."""
         self.reach_m = self.move_s = math.nan
         """How far the sensor can go from where it read first [m], and how long that takes [s]."""
-        self.heights_m = (-math.inf, math.inf)
-        """Minimum and maximum z of a viewpoint [m]."""
-        self.max_stddev_m = math.nan
-        """Wanted standard deviation of landmarks [m]."""
+        self.heights_m = (-math.inf, math.inf)  # minimum and maximum z of a viewpoint [m]
+        self.max_stddev_m = math.nan  # wanted standard deviation of landmarks [m]
         self.forget()
 
     def forget(self) -> None:
         """Begin again without a viewpoint."""
-        self.view: SensorPose | None = None
-        """The next viewpoint, in the fixed frame; None if there is none."""
-        self.remedies: dict[str, str] = {}
-        """Remedies by name, for objects that no viewpoint within reach suffices for."""
+        self.view: SensorPose | None = None  # next viewpoint, in the fixed frame, if any
+        self.remedies: dict[str, str] = {}  # by name, where no viewpoint suffices
         self._began_m: Floats | None = None
         self._since_s = -math.inf
         self._wanted: set[str] = set()

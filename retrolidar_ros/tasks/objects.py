@@ -17,10 +17,8 @@ class Sighting(NamedTuple):
 
     stamp_ns: int
     frame_id: str
-    position_m: Floats
-    """In that frame, shape (3,)."""
-    stddev_m: float
-    """Standard deviation of the position along the axis in which it is largest."""
+    position_m: Floats  # in that frame, shape (3,)
+    stddev_m: float  # standard deviation of the position along the axis in which it is largest
 
 
 class ObjectBoard:

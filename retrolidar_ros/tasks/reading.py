@@ -18,25 +18,20 @@ _UNIT, _MAX_AWAY_M = 1e-6, 1e7
 class SensorPose(NamedTuple):
     """Where a sensor was in the fixed frame."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the sensor's optical frame into those of the fixed one, shape (3, 3)."""
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the optical frame into those of the fixed one, (3, 3)
 
 
 class Reading(NamedTuple):
     """One reading of one marker by one sensor."""
 
     marker: int
-    sensor: str
-    """What identifies the sensor, such as its frame."""
+    sensor: str  # what identifies the sensor, such as its frame
     stamp_s: float
     range_m: float
     range_stddev_m: float
-    direction: Floats
-    """Unit vector in the sensor's optical frame, shape (3,)."""
-    spread_rad: Floats
-    """Deviations of the direction along the rows of `axes_of`, shape (2,)."""
+    direction: Floats  # unit vector in the sensor's optical frame, shape (3,)
+    spread_rad: Floats  # deviations of the direction along the rows of `axes_of`, shape (2,)
     pose: SensorPose
 
 
@@ -85,22 +80,14 @@ def reading(
 class Errors:
     """Standard deviations of errors that readings share, besides the independent ones."""
 
-    range_bias_m: float = 0.002
-    """Of a sensor's range, the same in all its readings; a calibration narrows it."""
-    range_m: float = 0.0005
-    """Of a range, in addition to its own."""
-    box_rad: float = 0.0175
-    """How far a direction may be beyond its box, by lens and mounting; a limit."""
-    edge_rad: float = 0.009
-    """How soft the edges of that box are."""
-    pose_m: float = 0.002
-    """Of the sensor's position, along each axis."""
-    turn_rad: float = 0.0035
-    """Of the sensor's orientation, about each axis."""
-    acceleration: float = 0.0
-    """Of a moving marker, along each axis [m/s²]; 0: it is at rest."""
-    speed: float = 0.5
-    """Of a moving marker, along each axis [m/s]."""
+    range_bias_m: float = 0.002  # of a sensor's range in all its readings; a calibration narrows it
+    range_m: float = 0.0005  # of a range, in addition to its own
+    box_rad: float = 0.0175  # limit of a direction beyond its box, by lens and mounting
+    edge_rad: float = 0.009  # how soft the edges of that box are
+    pose_m: float = 0.002  # of the sensor's position, along each axis
+    turn_rad: float = 0.0035  # of the sensor's orientation, about each axis
+    acceleration: float = 0.0  # of a moving marker, along each axis [m/s²]; 0: it is at rest
+    speed: float = 0.5  # of a moving marker, along each axis [m/s]
 
 
 # Share of the variance of a range that its readings from one place have in common: a background or
@@ -129,18 +116,15 @@ class Readings:
         direction = np.array([one.direction for one in readings])
         own = np.concatenate([axes_of(direction), direction[:, None]], axis=1)
         axes = own @ rotation.swapaxes(1, 2)
-        self.axes = axes[:, :2]
-        """Across the measured directions, in the fixed frame, shape (n, 2, 3)."""
-        self.direction = axes[:, 2]
-        """As measured, in the fixed frame, shape (n, 3)."""
+        self.axes = axes[:, :2]  # across the directions, in the fixed frame, shape (n, 2, 3)
+        self.direction = axes[:, 2]  # as measured, in the fixed frame, shape (n, 3)
         sensor = np.array([one.sensor for one in readings])
         self.stamp_s = float(stamp_s.max())
         """When the estimate holds: if the marker moves, up to when all sensors have reported."""
         if errors.acceleration:
             newest_s = np.array([stamp_s[sensor == one].max() for one in set(sensor.tolist())])
             self.stamp_s = float(newest_s[newest_s > self.stamp_s - _SILENT_S].min())
-        self.before_s = self.stamp_s - stamp_s
-        """How long before that each was taken."""
+        self.before_s = self.stamp_s - stamp_s  # how long before that each was taken
         self._moved_m2 = errors.acceleration**2 * _wandered(self.before_s)
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor

@@ -15,8 +15,7 @@ from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior
 
-MAX_LANDMARKS = 500
-"""Of a survey: as many fit into a file that is read."""
+MAX_LANDMARKS = 500  # of a survey: as many fit into a file that is read
 _ORIGIN = np.zeros(3)
 _MAX_WAITING = 8  # readings of a landmark
 
@@ -87,8 +86,7 @@ class Batch(NamedTuple):
 
     name: str
     readings: deque[Reading]
-    since_s: float
-    """When the first of them came."""
+    since_s: float  # when the first of them came
 
 
 class Backlog:
@@ -96,8 +94,7 @@ class Backlog:
 
     def __init__(self) -> None:
         """Begin empty."""
-        self.dropped = 0
-        """Readings that were dropped for newer ones of their landmark."""
+        self.dropped = 0  # readings that were dropped for newer ones of their landmark
         self._batches: dict[str, Batch] = {}
 
     def __len__(self) -> int:

@@ -18,15 +18,13 @@ class LastSamples:
     def __init__(self, zones: int, length: int, frame_period_s: float) -> None:
         """Keep `length` samples of `zones` zones taken every `frame_period_s`."""
         self._length = length
-        self.count = 0
-        """Samples taken since the start, gaps included."""
+        self.count = 0  # samples taken since the start, gaps included
         self._period_ns = frame_period_s * 1e9
         self._signal = np.zeros((length, zones))
         self._distance = np.full((length, zones), np.nan)
         self._stamp_ns = np.zeros(length, dtype=np.int64)
         self._seen = np.zeros(zones, dtype=bool)
-        self.impossible = 0
-        """Samples so far that `valid_samples` calls impossible."""
+        self.impossible = 0  # samples so far that `valid_samples` calls impossible
 
     def push(self, frame: Frame) -> Iterator[tuple[int, int]]:
         """Append a frame, and before it what a gap in the stamps has lost, sample by sample.

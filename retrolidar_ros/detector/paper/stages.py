@@ -15,8 +15,7 @@ from retrolidar_ros.sensor.model import VL53L8CX
 
 SAMPLES_PER_BIT = 2  # the marker sends at half the frame rate (paper §3.4)
 PREAMBLE_SAMPLES = SAMPLES_PER_BIT * len(PREAMBLE)
-_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
-"""The paper's p."""
+_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)  # the paper's p
 PACKET_SAMPLES = SAMPLES_PER_BIT * PACKET_BITS
 # Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD].
 _RESOLUTION_STDDEV = VL53L8CX.signal_step / np.sqrt(12)
@@ -68,10 +67,8 @@ def _bright_level(signal: Floats) -> Floats:
 class PreambleFit(NamedTuple):
     """Least-squares fits of the preamble, each field of shape (zones,)."""
 
-    c: Floats
-    """Channel coefficient: what a dark bit adds to the signal, less than 0 [kcps/SPAD]."""
-    e: Floats
-    """Root of the summed squared error [kcps/SPAD]."""
+    c: Floats  # channel coefficient: what a dark bit adds to the signal, less than 0 [kcps/SPAD]
+    e: Floats  # root of the summed squared error [kcps/SPAD]
     likelihood: Floats
 
 
@@ -131,12 +128,9 @@ def threshold_bits(signal: Floats, d: Floats, c: Floats) -> NDArray[np.uint8]:
 class PacketFit(NamedTuple):
     """Fit of samples to the packets that were read, each field of shape (packets,)."""
 
-    amplitude: Floats
-    """Bright minus dark [kcps/SPAD]."""
-    score: Floats
-    """Normalised correlation, -1 to 1."""
-    snr_db: Floats
-    """20 log10 of amplitude over the residual's standard deviation [dB]."""
+    amplitude: Floats  # bright minus dark [kcps/SPAD]
+    score: Floats  # normalised correlation, -1 to 1
+    snr_db: Floats  # 20 log10 of amplitude over the residual's standard deviation [dB]
 
 
 def fit_packets(signal: Floats, ids: NDArray[np.int64]) -> PacketFit:

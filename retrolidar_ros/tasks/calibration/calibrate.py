@@ -22,17 +22,12 @@ from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of
 class Calibration:
     """All results; None for what the recording does not show."""
 
-    duration_s: float
-    """Of the recording."""
+    duration_s: float  # of the recording
     noise: NoiseFound | None
-    zones: list[BlinkingZone]
-    """Those that blink."""
-    markers: list[MarkerFound]
-    """Clearest first."""
-    still: MarkerFound | None
-    """The clearest marker at rest."""
-    offset_m: Estimate | None
-    """By how much its range exceeds its distance."""
+    zones: list[BlinkingZone]  # those that blink
+    markers: list[MarkerFound]  # clearest first
+    still: MarkerFound | None  # the clearest marker at rest
+    offset_m: Estimate | None  # by how much its range exceeds its distance
 
 
 def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calibration:

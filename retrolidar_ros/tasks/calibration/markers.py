@@ -31,12 +31,10 @@ class MarkerFound(NamedTuple):
 
     id: int
     readings: list[Detection]
-    zone: int
-    """That sees it best."""
+    zone: int  # that sees it best
     snr_db: float
     bit_period_s: Estimate
-    range_m: Estimate
-    """Radial, as measured: with the sensor's offset."""
+    range_m: Estimate  # radial, as measured: with the sensor's offset
     moves: bool
 
 

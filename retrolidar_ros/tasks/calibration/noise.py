@@ -37,28 +37,20 @@ _MIN_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
 class Block(NamedTuple):
     """Samples of one zone at rest."""
 
-    signal: float
-    """Mean [kcps/SPAD]."""
-    ambient: float
-    """Mean [kcps/SPAD]."""
-    variance: float
-    """[(kcps/SPAD)²]"""
+    signal: float  # mean [kcps/SPAD]
+    ambient: float  # mean [kcps/SPAD]
+    variance: float  # [(kcps/SPAD)²]
     samples: int
 
 
 class NoiseFound(NamedTuple):
     """The noise law and its fit."""
 
-    floor: Estimate
-    """[(kcps/SPAD)²]; with the ambient light's, where that did not vary."""
-    slope: Estimate | None
-    """[kcps/SPAD]; None if the zones have too similar signals."""
-    ambient: Estimate | None
-    """[kcps/SPAD]; None if the ambient light did not vary enough."""
-    light: float
-    """Mean ambient light [kcps/SPAD]."""
-    zones: list[int]
-    """Those at rest."""
+    floor: Estimate  # [(kcps/SPAD)²]; with the ambient light's, where that did not vary
+    slope: Estimate | None  # [kcps/SPAD]; None if the zones have too similar signals
+    ambient: Estimate | None  # [kcps/SPAD]; None if the ambient light did not vary enough
+    light: float  # mean ambient light [kcps/SPAD]
+    zones: list[int]  # those at rest
     blocks: list[Block]
 
     @property
