@@ -7,12 +7,7 @@ from __future__ import annotations
 import argparse
 
 from retrolidar_ros.bag import salvage_frames
-from retrolidar_ros.cli.arguments import (
-    Subparsers,
-    add_bag_command,
-    detector_values,
-    output_path,
-)
+from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values, output_path
 from retrolidar_ros.cli.decode import NOTHING_READ, print_hints
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection

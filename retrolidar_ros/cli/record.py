@@ -75,11 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
-    with (
-        termination_noted() as requested,
-        writer as bag,
-        in_background(source, say) as take_until,
-    ):
+    with termination_noted() as requested, writer as bag, in_background(source, say) as take_until:
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
                 rate_hz = (monitor.frames - counted) / (_PROGRESS_S + now_s - due_s)

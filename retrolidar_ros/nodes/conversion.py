@@ -9,12 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import (
-    Pose,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    TransformStamped,
-)
+from geometry_msgs.msg import Pose, PoseWithCovariance, PoseWithCovarianceStamped, TransformStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -24,12 +19,7 @@ from retrolidar_ros.detector.place import Place
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection, MarkerTrack
-from retrolidar_ros.sensor.frame import (
-    Floats,
-    Frame,
-    ZoneGrid,
-    valid_samples,
-)
+from retrolidar_ros.sensor.frame import Floats, Frame, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
 Marked: TypeAlias = 'MarkerDetection | MarkerTrack'  # a message with the place of a marker

@@ -82,12 +82,7 @@ class LandmarksNode(Node):
         self.create_service(Trigger, '~/forget', self._forget)
         DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
-            self,
-            self._fixed,
-            values['patience'],
-            self._on_reading,
-            self._restart,
-            values['topics'],
+            self, self._fixed, values['patience'], self._on_reading, self._restart, values['topics']
         )
         self._topics = LandmarkTopics(
             self,

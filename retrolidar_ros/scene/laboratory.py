@@ -7,13 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.scene.description import (
-    NEAREST_M,
-    MovingSurface,
-    SecondSensor,
-    Sensor,
-    Surface,
-)
+from retrolidar_ros.scene.description import NEAREST_M, MovingSurface, SecondSensor, Sensor, Surface
 from retrolidar_ros.scene.optics import along, zone_shares
 from retrolidar_ros.scene.transmission import recurring_share
 from retrolidar_ros.sensor.frame import Floats

@@ -105,10 +105,7 @@ class SerialSource:
         return self.reader.commands.identity if self.reader.commands else None
 
     def run(
-        self,
-        take: Callable[[list[Frame], int], None],
-        report: Callable[[str], None],
-        stop: Event,
+        self, take: Callable[[list[Frame], int], None], report: Callable[[str], None], stop: Event
     ) -> None:
         """Read until `stop` is set, which ends the reading within its timeout.
 
