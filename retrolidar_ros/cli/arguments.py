@@ -108,7 +108,6 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
 
 
 def _value(name: str, text: str) -> Any:
-    """Parse a parameter."""
     one = declared()['detector'][name]
     kind = type(one.default)
     try:

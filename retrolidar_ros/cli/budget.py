@@ -54,7 +54,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _text(found: dict[str, Any]) -> str:
-    """Return a budget as lines for the terminal."""
     link, wake_up, battery = found['link'], found['wake_up'], found['battery']
     ratio = 'nothing comes back' if link['snr_db'] is None else f'{link["snr_db"]:.1f} dB'
     reach = f'up to {wake_up["range_m"]:.2f} m' if wake_up['range_m'] else 'at no distance'

@@ -74,7 +74,6 @@ class Watch:
         self._last_arrival_s = arrival_ns * 1e-9
 
     def _begin(self, grid: ZoneGrid) -> None:
-        """Begin to read frames of a grid."""
         if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
             raise ValueError(
                 f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
@@ -134,7 +133,6 @@ class Watch:
     def _with_zones(
         self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
     ) -> Snapshot:
-        """Add zones, bits and readings."""
         newest = self._monitor.newest[-1]
         since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
         recent = [frame for frame in self._monitor.newest if frame.stamp_ns > since_ns]

@@ -193,7 +193,6 @@ class Explanation:
         return finding(Cause.STEADY, zone=int(signal.argmax()))
 
     def _likely(self, zone: BlinkingZone) -> list[float]:
-        """Return the possible bit periods of a zone [s]."""
         return candidates((one.bit_period_s for one in zone.periods), self._frame_s)
 
     def _read(self, recording: Recording, **changes: Any) -> list[Detection]:

@@ -69,7 +69,6 @@ class Rejections:
     """Counts rejected candidates, once it is certain that no packet explains them."""
 
     def __init__(self, grid: ZoneGrid) -> None:
-        """Begin at zero."""
         self.counts: Counter[str] = Counter()
         self._near = grid.near
         self._pending: deque[tuple[int, Candidate]] = deque()

@@ -41,7 +41,6 @@ class CoffeeNode(Node):
     """Publishes poses and offsets of named objects, and whether all of them are placed."""
 
     def __init__(self) -> None:
-        """Declare parameters and subscribe."""
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
         values = parameters.values
@@ -76,7 +75,6 @@ class CoffeeNode(Node):
             )
         else:
             self._readings = DetectionSubscriber(self, values['source'], self._on_detection)
-        parameters.warn_of_misspelled()
         repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:
@@ -93,7 +91,6 @@ class CoffeeNode(Node):
         self._planner.forget()
 
     def _on_detection(self, message: Marked) -> None:
-        """Publish the pose of an object from one detection."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._poses:
             pose = from_pose(message.pose.pose)
@@ -102,7 +99,6 @@ class CoffeeNode(Node):
             self._tick()
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
-        """Publish the pose of an object from all readings."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
             return

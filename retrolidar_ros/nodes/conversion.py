@@ -25,6 +25,9 @@ from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 Marked: TypeAlias = 'MarkerDetection | MarkerTrack'  # a message with the place of a marker
 # Deviation of a marker's rate of turn, which is not measured [rad/s].
 _ANY_TURN_RATE = 3.0
+# Of a detection, what a message has as it is, by the fields of both.
+_ALIKE = ('id', 'evidence', 'decision_margin', 'score', 'likelihood', 'corrected_bits', 'packets')
+_MEASURED = {name: name for name in _ALIKE} | {'snr_db': 'snr', 'bit_period_s': 'bit_period'}
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
 
@@ -180,16 +183,9 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     """Return a detection as a message in the sensor's frame `frame_id`."""
     message = MarkerDetection(header=to_header(detection.stamp_ns, frame_id))
     message.child_frame_id = child_frame_id
-    message.id = detection.id
     _set_place(message, detection.place)
-    message.snr = detection.snr_db
-    message.evidence = detection.evidence
-    message.decision_margin = detection.decision_margin
-    message.score = detection.score
-    message.likelihood = detection.likelihood
-    message.bit_period = detection.bit_period_s
-    message.corrected_bits = detection.corrected_bits
-    message.packets = detection.packets
+    for name, field in _MEASURED.items():
+        setattr(message, field, getattr(detection, name))
     message.zones = array('B', detection.zones)
     message.start = to_time(detection.start_ns)
     message.end = to_time(detection.end_ns)
@@ -200,7 +196,6 @@ def from_detection_msg(message: MarkerDetection) -> Detection:
     """Return the detection of a message."""
     pose = message.pose.pose
     return Detection(
-        id=message.id,
         stamp_ns=to_ns(message.header.stamp),
         start_ns=to_ns(message.start),
         end_ns=to_ns(message.end),
@@ -211,15 +206,8 @@ def from_detection_msg(message: MarkerDetection) -> Detection:
             message.range,
             message.range_stddev,
         ),
-        snr_db=message.snr,
-        evidence=message.evidence,
-        decision_margin=message.decision_margin,
-        bit_period_s=message.bit_period,
-        score=message.score,
-        likelihood=message.likelihood,
-        corrected_bits=message.corrected_bits,
-        packets=message.packets,
         zones=tuple(message.zones),
+        **{name: getattr(message, field) for name, field in _MEASURED.items()},
     )
 
 

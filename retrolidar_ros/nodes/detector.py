@@ -60,7 +60,6 @@ class DetectorNode(Node):
         self._topic = (
             '' if board else subscribe(self, FrameMsg, 'frames', self._on_frame, FRAME_QOS)
         )
-        parameters.warn_of_misspelled()
 
     def _begin(self, values: dict[str, Any], grid: ZoneGrid) -> None:
         """Begin to read frames of a grid; ValueError for impossible values."""
@@ -124,7 +123,6 @@ class DetectorNode(Node):
         self._topics.follow(self._detector, self._agreement, frame, frame_id)
 
     def _log_rejected(self) -> None:
-        """Log the candidates rejected with the newest frame."""
         if not isinstance(self._detector, LikelihoodDetector):
             return
         for candidate in self._detector.candidates:

@@ -28,7 +28,6 @@ class DetectorHealth:
     """Counts frames and detections."""
 
     def __init__(self, grid: ZoneGrid) -> None:
-        """Begin at zero."""
         self.monitor = FrameMonitor(grid)
         self.foreign = 0  # frames from another TF frame than the one before
         self._dropped = 0
@@ -129,7 +128,6 @@ class DetectorHealth:
         return Health(problems, values, f'{counts.accepted} packets accepted, {rejected} rejected')
 
     def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
-        """Return the disturbances of the last second's frames."""
         problems = []
         names = ('frames of another sensor', 'frames out of order', 'repeated frames')
         if sum(new[name] for name in names) >= _MIXED:

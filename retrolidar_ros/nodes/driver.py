@@ -71,7 +71,6 @@ class DriverNode(LifecycleNode):
         frame_id = self._values['frame_prefix'] + self._values['frame_id']
         self._frame_id = check_frame_id('frame_id', frame_id)
         self._topics = FrameTopics(self, self._frame_id)
-        parameters.warn_of_misspelled()
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
@@ -199,7 +198,6 @@ class DriverNode(LifecycleNode):
                 self._on_frame(stamped, self._frame_id)
 
     def _examine(self) -> Health:
-        """Judge the last second."""
         source = self._source
         if self._is_finalized:
             return Health([(WARN, 'finalized: the node was shut down; start it again')], {})

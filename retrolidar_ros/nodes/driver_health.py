@@ -42,7 +42,6 @@ class DriverTally:
     """Counts frames in one thread, and is examined in another."""
 
     def __init__(self) -> None:
-        """Begin at zero."""
         self._counts = self._then = _Counts()
         self._received, self._examined_s = WireCounts(), time.monotonic()
         self._last_sequence: int | None = None
@@ -111,7 +110,6 @@ class DetectorWatch:
     """
 
     def __init__(self, node: Node) -> None:
-        """Subscribe for a driver."""
         self._beat_s: float | None = None
         self._frame_s = 0.0
         node.create_subscription(Header, 'detector/heartbeat', self._beat, 10)

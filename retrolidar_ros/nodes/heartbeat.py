@@ -23,7 +23,6 @@ class HeartbeatNode(Node):
     """Publishes whether all of some markers were read recently."""
 
     def __init__(self) -> None:
-        """Declare parameters and subscribe."""
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
         self._prefix = parameters.values['frame_prefix']
@@ -39,7 +38,6 @@ class HeartbeatNode(Node):
         DiagnosticsPublisher(self).register_health_check(self, 'markers', self._examine)
         source = parameters.values['source']
         self._detections = DetectionSubscriber(self, source, self._on_detection)
-        parameters.warn_of_misspelled()
         repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:

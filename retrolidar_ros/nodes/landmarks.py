@@ -44,8 +44,7 @@ class LandmarksNode(Node):
     def __init__(self) -> None:
         """Declare parameters, load known landmarks, and subscribe."""
         super().__init__('landmarks')
-        parameters = Parameters(self, 'landmarks')
-        self._values = values = parameters.values
+        self._values = values = Parameters(self, 'landmarks').values
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects = objects_of(markers)
@@ -91,7 +90,6 @@ class LandmarksNode(Node):
             values['frame_prefix'] + values['child_frame'],
             values['publish_tf'],
         )
-        parameters.warn_of_misspelled()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
         repeat(self, _TICK_S, self._solve)
@@ -106,7 +104,6 @@ class LandmarksNode(Node):
             raise ValueError(f'load_file: {error}') from error
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
-        """Queue a reading."""
         name = 'room'
         if self._room is None:
             # Each of several sensors may have a name of its own for a marker.

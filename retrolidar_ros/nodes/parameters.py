@@ -31,6 +31,7 @@ class Parameters:
         self.values: dict[str, Any] = {
             name: self._declare(name, spec) for name, spec in self._declared.items()
         }
+        self._warn_of_misspelled()
 
     def _declare(self, name: str, spec: Declared) -> Any:
         # The type is open until the value is checked: 50 does for 50.0, and an empty list has no
@@ -83,7 +84,7 @@ class Parameters:
 
         self._node.add_on_set_parameters_callback(change)
 
-    def warn_of_misspelled(self) -> None:
+    def _warn_of_misspelled(self) -> None:
         """Log a warning for each parameter that was set and resembles one that this node has.
 
         Others may be of other nodes: `/**:` in a parameter file addresses all.

@@ -32,7 +32,6 @@ class TransformFinder:
     """Looks up transforms between frames."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe to TF with `node`."""
         self._buffer = Buffer()
         self._listener = TransformListener(self._buffer, node)
 

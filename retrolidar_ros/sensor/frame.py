@@ -183,14 +183,7 @@ class Recording:
 
     def __iter__(self) -> Iterator[Frame]:
         """Go through the frames in order of time."""
-        for index in range(len(self)):
-            yield Frame(
-                stamp_ns=int(self.stamp_ns[index]),
-                sequence=int(self.sequence[index]),
-                sensor_time_us=int(self.sensor_time_us[index]),
-                grid=self.grid,
-                distance=self.distance[index],
-                signal=self.signal[index],
-                ambient=self.ambient[index],
-                status=self.status[index],
-            )
+        times = self.stamp_ns.tolist(), self.sequence.tolist(), self.sensor_time_us.tolist()
+        arrays = self.distance, self.signal, self.ambient, self.status
+        for stamp_ns, sequence, time_us, *values in zip(*times, *arrays, strict=True):
+            yield Frame(stamp_ns, sequence, time_us, self.grid, *values)

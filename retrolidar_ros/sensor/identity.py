@@ -63,7 +63,6 @@ class Commands:
     """
 
     def __init__(self) -> None:
-        """Begin without commands."""
         self.identity: Identity | None = None  # the last answer of the sensor at the port
         self._answers = 0
         self._wants_ranging = True

@@ -64,7 +64,6 @@ class _Table:
     """The table of one frame, line by line."""
 
     def __init__(self) -> None:
-        """Start before its title."""
         self.has_title = False
         self._has_light = False
         self._lines: list[list[str]] = []  # cells of ranging, and of light after each, if any

@@ -207,7 +207,6 @@ class FrameReader:
     """
 
     def __init__(self) -> None:
-        """Start between packets, or in the middle of one."""
         self.counts = WireCounts()
         self.commands = Commands()
         self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)

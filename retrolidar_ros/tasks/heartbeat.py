@@ -24,7 +24,6 @@ class Heartbeat:
         self._begun = False
 
     def _begin(self, time_s: float) -> None:
-        """Count from a time on."""
         self._begun = True
         self.beats = 0
         self.windows = 0  # complete windows

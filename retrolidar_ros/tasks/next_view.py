@@ -28,7 +28,6 @@ class ViewPlanner:
     """Chooses the next viewpoint, and keeps it until the sensor can have reached it."""
 
     def __init__(self) -> None:
-        """Begin without a viewpoint."""
         self.reach_m = self.move_s = math.nan
         """How far the sensor can go from where it read first [m], and how long that takes [s]."""
         self.heights_m = (-math.inf, math.inf)  # minimum and maximum z of a viewpoint [m]

@@ -93,7 +93,6 @@ class Backlog:
     """A bounded queue of landmarks: who waits longest is next, with all its readings at once."""
 
     def __init__(self) -> None:
-        """Begin empty."""
         self.dropped = 0  # readings that were dropped for newer ones of their landmark
         self._batches: dict[str, Batch] = {}
 
