@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor watched in a terminal: frames from a port, through the detector, onto the screen."""
+"""A sensor watched in a terminal: from a port, through the detector, onto the screen."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from dataclasses import replace
+from typing import Any, NamedTuple, TextIO
+
+import numpy as np
 
 from retrolidar_ros.cli.arguments import (
     Subparsers,
@@ -21,12 +25,159 @@ from retrolidar_ros.cli.arguments import (
     detector_values,
     seconds,
 )
-from retrolidar_ros.cli.watch_state import Watch
-from retrolidar_ros.cli.watch_view import Snapshot, fitted, line, screen
+from retrolidar_ros.cli.watch_view import LastReading, Snapshot, fitted, line, screen
+from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.agreement import Agreement
+from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db, newest_bits
+from retrolidar_ros.detector.frame_monitor import FrameMonitor
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
+from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource, in_background
+from retrolidar_ros.sensor.wire import WireCounts
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
+# The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
+_KEPT_BITS = PACKET_BITS + 3
+_RATE_S = 2.0  # over which frames are counted for their rate
+_SILENCE_S = 1.0
+# Another zone has to blink by so much more than that which is shown.
+_MORE_DB = 3.0
+
+
+class _Tally(NamedTuple):
+    """Counters at some time."""
+
+    time_s: float
+    frames: int
+    restarts: int
+    received: WireCounts
+
+
+class Watch:
+    """The state of a sensor, from its frames."""
+
+    def __init__(self, source: SerialSource, zone: int | None, values: Mapping[str, Any]) -> None:
+        """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
+        self._source = source
+        self._fixed_zone, self._shown_zone = zone, zone
+        self._values, self._known = values, known_markers(values)
+        self._bit_s = values['bit_period']
+        self._clock = ClockMap()
+        self._detector: LikelihoodDetector | None = None
+        self._agreement = Agreement(values['min_readings'])
+        self._monitor = FrameMonitor(ZoneGrid())
+        self._last: dict[int, Detection] = {}
+        self._times: Counter[int] = Counter()
+        self._last_arrival_s = time.monotonic()
+        self._tallies = deque([_Tally(self._last_arrival_s, 0, 0, source.received)])
+
+    @property
+    def frames(self) -> int:
+        """How many frames have come."""
+        return self._monitor.frames
+
+    def take(self, frames: list[Frame], arrival_ns: int) -> None:
+        """Take frames that arrived together; ValueError if the sensor has no such zone."""
+        for frame in frames:
+            stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
+            self._take(replace(frame, stamp_ns=stamp_ns))
+        self._last_arrival_s = arrival_ns * 1e-9
+
+    def _begin(self, grid: ZoneGrid) -> None:
+        if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
+            raise ValueError(
+                f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
+                f'0 to {grid.zones - 1}'
+            )
+        detector = detector_of(self._values, grid, self._known)
+        if not isinstance(detector, LikelihoodDetector):
+            raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
+        self._detector, self._shown_zone = detector, self._fixed_zone
+        self._monitor.restart(grid)
+
+    def _take(self, frame: Frame) -> None:
+        newest = self._monitor.newest
+        if not newest or newest[-1].grid != frame.grid:
+            self._begin(frame.grid)
+        elif newest[-1].stamp_ns >= frame.stamp_ns:
+            self._monitor.restart(frame.grid)
+        self._monitor.take(frame)
+        assert self._detector is not None
+        detections = self._detector.update(frame)
+        self._monitor.read(detections)
+        for detection in self._agreement.confirmed(detections):
+            self._last[detection.id] = detection
+            self._times[detection.id] += 1
+
+    def snapshot(self) -> Snapshot:
+        """Return a snapshot."""
+        now_ns = time.monotonic_ns()
+        received = self._source.received
+        now = _Tally(now_ns * 1e-9, self.frames, self._clock.restarts, received)
+        self._tallies.append(now)
+        while self._tallies[1].time_s <= now.time_s - _RATE_S:
+            self._tallies.popleft()
+        then = self._tallies[0]
+        snapshot = Snapshot(
+            port=self._source.port,
+            trouble=self._trouble(then, now),
+            rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
+            frames=now.frames,
+            lost=self._monitor.lost,
+            damaged=received.unread,
+        )
+        return self._with_zones(snapshot, self._detector, now_ns) if self._detector else snapshot
+
+    def _trouble(self, then: _Tally, now: _Tally) -> str:
+        """Return what is wrong since `then`."""
+        if problem := self._source.problem:
+            return f'{problem}; retrying'
+        silence_s = now.time_s - self._last_arrival_s
+        if silence_s > _SILENCE_S:
+            return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
+        if now.restarts - then.restarts > 1:
+            return "the sensor's clock jumps again and again; are its times in microseconds?"
+        hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)
+        return str(hint or '')
+
+    def _with_zones(
+        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
+    ) -> Snapshot:
+        newest = self._monitor.newest[-1]
+        since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
+        recent = [frame for frame in self._monitor.newest if frame.stamp_ns > since_ns]
+        if len(recent) < 2:
+            return snapshot
+        samples = Samples.of(Recording.of(recent))
+        law = noise_of(self._values).lit(np.median(newest.ambient))
+        blinking = modulation_db(samples, law)
+        if self._fixed_zone is None:
+            strongest = int(blinking.argmax())
+            if blinking[strongest] < BLINKING_DB:
+                self._shown_zone = None
+            elif (
+                self._shown_zone is None
+                or blinking[strongest] > blinking[self._shown_zone] + _MORE_DB
+            ):
+                self._shown_zone = strongest
+        zone = self._shown_zone
+        readings = [
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
+            for identity, detection in self._last.items()
+        ]
+        return replace(
+            snapshot,
+            frame=newest,
+            modulation_db=blinking,
+            zone=zone,
+            bits=None if zone is None else newest_bits(samples, zone, self._bit_s),
+            readings=readings,
+            rejected=detector.counts.rejected,
+        )
 
 
 def add_command(subparsers: Subparsers) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.newest_bits import NewestBits
+from retrolidar_ros.detector.blinking_zones import NewestBits
 from retrolidar_ros.sensor.frame import Floats, Frame
 
 COLUMNS = 80  # width of lines that are made to fit: of 8x8 zones they are wider

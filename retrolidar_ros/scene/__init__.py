@@ -3,8 +3,7 @@
 """The smallest model of marker, sensor and room that a scene asks for.
 
 `description` reads it from a file, `transmission` is what a liquid crystal lets through, `optics`
-how much of it reaches which zone, `laboratory` what else happens on the way, and `simulation` what
-the sensor reports, with its noise.
+how much of it reaches which zone, `laboratory` what else happens, `simulation` what is reported.
 """
 
 from retrolidar_ros.scene.description import Scene, parse_scene

@@ -68,7 +68,7 @@ class ZoneGrid:
 
     @property
     def zones(self) -> int:
-        """How many zones there are."""
+        """Number of zones."""
         return self.rows * self.columns
 
     @property

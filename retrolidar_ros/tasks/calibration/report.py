@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from retrolidar_ros.tasks.calibration.calibrate import Calibration
-from retrolidar_ros.tasks.calibration.markers import MarkerFound
+from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _LONG_S = 20.0
