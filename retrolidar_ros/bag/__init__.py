@@ -1,10 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames to and from rosbag2 bags, without ROS.
-
-Bags are written with the `rosbags` library. They are read without it, where it is not installed,
-and up to the damage in a recording that a power cut has cut off.
-"""
+"""Frames to and from rosbag2 bags, without ROS; they are read without `rosbags`, too."""
 
 from retrolidar_ros.bag.messages import FRAME_TYPE, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames, salvage_frames

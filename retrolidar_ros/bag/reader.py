@@ -63,10 +63,7 @@ def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
 def salvage_frames(
     path: str | Path, topic: str = FRAMES_TOPIC
 ) -> tuple[list[Frame], BagError | None]:
-    """Return a bag's frames as far as they are good, and its damage, if any.
-
-    BagError if not even one frame can be read.
-    """
+    """Return a bag's good frames and its damage, if any; BagError if not even one is good."""
     frames: list[Frame] = []
     try:
         frames.extend(read_frames(path, topic))

@@ -81,10 +81,7 @@ class _Hand:
 
 
 def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
-    """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1.
-
-    The picture shows how the errors shrink.
-    """
+    """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1."""
     print(f'{scene.description}\nDriver, detector and landmarks are starting ...', flush=True)
     names = [marker.name for marker in scene.markers]
     hand = _Hand(listener, scene)

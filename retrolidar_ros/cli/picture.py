@@ -110,10 +110,7 @@ def _signal(
 
 
 def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -> None:
-    """Draw one zone's signal about a reading, and the bits that were read from it.
-
-    Those before the recording are known by the packets that follow.
-    """
+    """Draw a zone's signal about a reading, and its bits, those before it as they repeat."""
     bit_s, colour = reading.bit_period_s, shown.ids[reading.id]
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
     begin_s = min(max(start_s - 0.4, 0.0), start_s)

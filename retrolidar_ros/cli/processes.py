@@ -24,10 +24,7 @@ class ProcessError(RuntimeError):
 
 
 class ProcessGroup:
-    """Runs programs, each with its output in a log file, and ends all of them on exit.
-
-    A SIGTERM or SIGHUP to this process while the group is open ends the group, too.
-    """
+    """Runs programs, with log files, and ends all of them on exit, SIGTERM or SIGHUP."""
 
     def __init__(self, logs: Path) -> None:
         """Write logs into the directory `logs`."""

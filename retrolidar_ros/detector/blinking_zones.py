@@ -175,10 +175,7 @@ class NewestBits(NamedTuple):
 
 
 def newest_bits(samples: Samples, zone: int, bit_period_s: float) -> NewestBits | None:
-    """Return the last bits, of about `bit_period_s`, of a zone, cut where they vary most.
-
-    None if they are too few, or all alike.
-    """
+    """Return a zone's last bits, cut where they vary most; None if too few, or all alike."""
     bit_s, phase = (grid.ravel() for grid in np.meshgrid(bit_period_s * _CLOCKS, _PHASES))
     # Shape (alignments, bits + 1).
     edge_s = samples.end_s[-1] - bit_s[:, None] * (phase[:, None] + np.arange(PACKET_BITS, -1, -1))

@@ -25,10 +25,7 @@ class Demands(NamedTuple):
 
 
 def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:
-    """Return the thresholds for a budget of false IDs, over all zones.
-
-    The constants are calibrated by simulation (`evaluation.experiments.roc`).
-    """
+    """Return the thresholds for a budget over all zones (`evaluation.experiments.roc`)."""
     trials = (
         zones
         / _USUAL_ZONES

@@ -103,10 +103,7 @@ class Explanation:
         return result
 
     def why(self, zone: BlinkingZone) -> Iterator[Finding | None]:
-        """Yield why a zone is not read, as far as known after each trial of a bit period.
-
-        It is None until the likely bit periods have been tried.
-        """
+        """Yield why a zone is not read, after each trial; None before the likely ones are made."""
         values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
         likely_s = self._likely(zone)
         is_alike = not zone.is_clocked or is_among(self._bit_s, likely_s)

@@ -61,10 +61,7 @@ class FrameMonitor:
         self._finding: Finding | None = None  # and what is told of it
 
     def take(self, frame: Frame, max_lost: int | None = None) -> bool:
-        """Count a frame, before which at most `max_lost` got lost on the way here, if known.
-
-        Returns whether it is a new one.
-        """
+        """Count a frame, before which `max_lost` at most got lost; return whether it is new."""
         self.frames += 1
         if self.newest:
             last = self.newest[-1]
@@ -99,10 +96,7 @@ class FrameMonitor:
         return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or clocks stand still
 
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
-        """Return why a zone blinks by a clock and is not read, as far as is known by now.
-
-        The values are those of a detector. Each call may try one bit period.
-        """
+        """Return why a zone blinks by a clock unread; each call may try one bit period."""
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns

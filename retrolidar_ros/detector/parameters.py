@@ -33,11 +33,7 @@ def defaults() -> dict[str, Any]:
 
 
 def load_parameters(path: Path) -> dict[str, Any]:
-    """Return what a parameter file of ROS says of detectors.
-
-    OSError if it cannot be read; ValueError if it is no such file, or has a parameter that no
-    detector has, or of another type.
-    """
+    """Return what a parameter file says of detectors; OSError or ValueError if it is wrong."""
     content = load_yaml(path)
     found: dict[str, Any] = {}
     if not isinstance(content, Mapping):

@@ -59,10 +59,7 @@ class Trial(NamedTuple):
 
 
 def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> Trial | None:
-    """Return the trial with the most evidence; None if none can be trusted.
-
-    One reading is trusted where a clock speaks for its bit period, too.
-    """
+    """Return the trial with the most evidence of those that several readings or a clock confirm."""
     trusted = (
         one
         for one in done
@@ -74,10 +71,7 @@ def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> 
 
 
 def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
-    """Return the bit periods of which frames every `frame_s` [s] may show clocks [s].
-
-    Bits of one frame show none, or any.
-    """
+    """Return the bit periods [s] of which frames every `frame_s` may show clocks."""
     min_s, max_s = (frames * frame_s for frames in FRAMES_A_BIT)
     found: list[float] = []
     for clock_s in clocks_s:

@@ -36,10 +36,7 @@ PROTOTYPE = Currents()
 
 
 def active_share(queries_per_hour: float, packets: int = 1) -> float:
-    """Return the share of time in which a marker sends, if each query wakes it for some packets.
-
-    ValueError if the number of queries is negative, or more than fit into an hour.
-    """
+    """Return the share of time in which a marker sends; ValueError for impossible queries."""
     share = queries_per_hour * packets * PACKET_S / _HOUR_S
     if not 0 <= share <= 1:
         max_queries = _HOUR_S / (packets * PACKET_S)

@@ -59,10 +59,7 @@ def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
 
 
 def packet(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return preamble and codeword of marker IDs of shape (...), as bits of shape (..., 31).
-
-    The codeword begins with the ID itself. ValueError as of `check_ids`.
-    """
+    """Return preamble and codeword, ID first, of IDs of shape (...), as bits (..., 31)."""
     return _PACKETS[check_ids(ids)]
 
 

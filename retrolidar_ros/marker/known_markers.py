@@ -70,10 +70,7 @@ def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
 
 
 def parse_markers(content: object) -> dict[int, KnownMarker]:
-    """Return the markers that nested mappings describe, as read from a YAML file.
-
-    ConfigError for an impossible ID, a frame of two markers, or what `mapping` refuses.
-    """
+    """Return the markers of a YAML file's content; ConfigError for an impossible one."""
     section = Section(content)
     known = section.take('markers', _markers)
     section.end()

@@ -37,10 +37,7 @@ LIGHT_AT_1_M_V = REACH_M**2 * needed_light_v(THRESHOLD_V, NOISE_V['indoors'])
 
 
 def light_v(range_m: Floats, angle_rad: float = 0.0) -> Floats:
-    """Return the voltage of the sensor's light alone [V], at distances above 0, shape (...) [m].
-
-    The angle is between the marker's normal and the line of sight.
-    """
+    """Return the voltage of the sensor's light alone [V], at distances (...) [m] and an angle."""
     return LIGHT_AT_1_M_V * _facing(angle_rad) / np.square(range_m)
 
 
@@ -54,11 +51,7 @@ def voltage_v(
 def wakeup_range_m(
     threshold_v: float = THRESHOLD_V, noise_v: float = NOISE_V['indoors'], angle_rad: float = 0.0
 ) -> float:
-    """Return the distance up to which the marker wakes [m].
-
-    Infinite where noise alone exceeds the threshold, so that the marker never sleeps; 0 where the
-    marker faces away.
-    """
+    """Return the distance up to which the marker wakes [m]; infinite if noise alone does it."""
     needed_v = needed_light_v(threshold_v, noise_v)
     if needed_v == 0:
         return math.inf

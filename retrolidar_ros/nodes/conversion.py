@@ -108,10 +108,7 @@ def from_frame_msg(message: FrameMsg) -> Frame:
 
 
 def to_point_cloud(frame: Frame, frame_id: str) -> PointCloud2:
-    """Return a point for each zone in rows and columns of the grid, NaN where there is no target.
-
-    A point is on the axis of its zone, at the reported distance along the optical axis.
-    """
+    """Return a point on the axis of each zone, in rows and columns; NaN of no target."""
     grid = frame.grid
     depth = _depth(frame)
     points = np.empty((grid.zones, len(_POINT_FIELDS)), dtype='<f4')

@@ -95,10 +95,7 @@ class DetectorNode(Node):
         self.process_frame(frame, message.header.frame_id, max_lost)
 
     def process_frame(self, frame: Frame, frame_id: str, max_lost: int | None = 0) -> None:
-        """Read markers with the next frame, seen from a TF frame.
-
-        On the way here at most `max_lost` before it were lost, if that is known.
-        """
+        """Read markers with the next frame, before which at most `max_lost` were lost."""
         with self._lock:
             began_s = time.perf_counter()
             if self._frame_id not in ('', frame_id):

@@ -80,11 +80,7 @@ class DetectorHealth:
         counts: DetectorCounts,
         publishers: list[str],
     ) -> Health:
-        """Judge the time since the last call, usually a second.
-
-        Given are the detector's parameters, the markers of its file, its counts, and who sends
-        frames.
-        """
+        """Judge the time since the last call, by parameters, known markers and counts."""
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}
         self._then = now

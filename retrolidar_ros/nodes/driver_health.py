@@ -104,10 +104,7 @@ class DriverTally:
 
 
 class DetectorWatch:
-    """Watches the heartbeat of the detector that takes a driver's frames.
-
-    A detector that was killed, or hangs, cannot report it.
-    """
+    """Watches the heartbeat of the detector, which cannot report that it was killed, or hangs."""
 
     def __init__(self, node: Node) -> None:
         self._beat_s: float | None = None

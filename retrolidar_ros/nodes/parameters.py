@@ -65,10 +65,7 @@ class Parameters:
         return value
 
     def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
-        """Let live parameters be set.
-
-        `apply` gets the new values of all; its ValueError rejects them, and tells why.
-        """
+        """Let live parameters be set; a ValueError of `apply` rejects the values of all."""
 
         def change(parameters: Sequence[Parameter]) -> SetParametersResult:
             values = dict(self.values)

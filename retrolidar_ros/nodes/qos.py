@@ -46,10 +46,7 @@ def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
 def subscribe(
     node: Node, kind: type[Any], topic: str, callback: Callable[..., None], qos: QoSProfile
 ) -> str:
-    """Subscribe likewise; return the topic's full name.
-
-    `callback` gets the message, and if it takes two arguments what rclpy knows of it, a dictionary.
-    """
+    """Subscribe likewise; return the topic's full name. A callback may take rclpy's info, too."""
     made = node.create_subscription(kind, topic, callback, qos, qos_overriding_options=_OVERRIDABLE)
     return str(made.topic_name)
 

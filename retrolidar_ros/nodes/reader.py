@@ -1,9 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `reader`: driver and detector of one sensor, or of many, in one process.
-
-Frames are passed by a function call; topics are as of separate processes.
-"""
+"""The `reader`: driver and detector of one sensor, or of many, in one process."""
 
 from __future__ import annotations
 

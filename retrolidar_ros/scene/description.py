@@ -73,10 +73,7 @@ class SecondSensor:
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where something is at a time; between two of them it moves evenly.
-
-    After the last one the path restarts.
-    """
+    """Where something is at a time; between two it moves evenly, after the last it restarts."""
 
     time_s: Time
     position_m: Annotated[Triple, place()]

@@ -74,10 +74,7 @@ class PortLink:
         os.close(self._master)
 
     def write(self, data: bytes) -> bool:
-        """Send bytes; return False if nobody listens or the listener does not keep up.
-
-        A packet that was cut off is ended by a delimiter, so that it does not cost the next.
-        """
+        """Send bytes, and a delimiter first after a torn packet; return False if nobody listens."""
         poll = select.poll()
         poll.register(self._master, select.POLLOUT)
         events = poll.poll(0)
@@ -113,10 +110,7 @@ class PortLink:
 def frames_in_real_time(
     scene: Scene, duration_s: float | None, start_ns: int, clock: Callable[[], int]
 ) -> Iterator[tuple[Frame, int]]:
-    """Yield each frame of a scene when its exposure ends, with the true time of its middle [ns].
-
-    The scene begins at a time of the clock [ns], and without a duration it does not end.
-    """
+    """Yield each frame of a scene when its exposure ends, with its true time by the clock [ns]."""
     simulation = Simulation(scene)
     for block in simulation.blocks(duration_s, max(1, round(_BLOCK_S / simulation.period_s))):
         for frame in block:

@@ -17,10 +17,7 @@ def scene_names() -> list[str]:
 
 
 def find_scene(name: str) -> Path:
-    """Return the file of a scene: a path, or the name of one that ships with the package.
-
-    FileNotFoundError if there is neither; it lists the names there are.
-    """
+    """Return the file of a scene by path or name; FileNotFoundError, with all names, if none is."""
     if Path(name).is_file():
         return Path(name)
     shipped = shared_file('config/scenes') / f'{name}.yaml'

@@ -84,7 +84,7 @@ def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
 def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> Floats:
     """Return by how much another sensor raises the ambient light of exposures [kcps/SPAD].
 
-    Its pulses are not in step with this sensor's, so they count as ambient light, for the share of
-    an exposure in which it sends.
+    Its pulses are not in step with this sensor's, so they count while it sends as ambient light
+    does.
     """
     return second.ambient * recurring_share(second.period_s, second.lasting_s, middle_s, exposure_s)

@@ -38,10 +38,7 @@ _GLASS_M = 0.01  # how far a cover glass is, or nearly so
 
 
 class Simulation:
-    """A running scene. Blocks of frames follow each other without a seam.
-
-    Samples come from one seeded generator, so blocks of the same sizes have the same frames.
-    """
+    """A running scene: one seeded generator, and blocks of frames without a seam."""
 
     def __init__(self, scene: Scene, rng: np.random.Generator | None = None) -> None:
         """Start `scene` at its time zero, with its own seed unless a generator is given."""
@@ -178,10 +175,7 @@ class Simulation:
 
 
 def _seen_in_each_zone(signals: Floats, distances: Floats) -> tuple[Floats, Floats]:
-    """Return the targets that each zone sees, in their order, and no more than the most of them.
-
-    Of many markers most zones see one or two, and only those can make a pulse.
-    """
+    """Return the targets that each zone sees, in their order; mostly they are one or two."""
     seen = signals.any(axis=1)
     order = np.argsort(~seen, axis=0, kind='stable')[: seen.sum(axis=0).max(), None]
     return np.take_along_axis(signals, order, axis=0), np.take_along_axis(distances, order, axis=0)
@@ -212,10 +206,7 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
 def noisy(
     signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: Floats | float = 0.0
 ) -> Floats:
-    """Add noise to signals of any shape, in ambient light; none is ever reported as negative.
-
-    Signals and ambient light are in kcps/SPAD.
-    """
+    """Add noise to signals of any shape in ambient light [kcps/SPAD]; none gets negative."""
     if noise is None:
         return signal
     sigma: Floats = np.sqrt(noise.floor + noise.slope * signal + noise.ambient * ambient)
@@ -225,10 +216,7 @@ def noisy(
 def deviating(
     distance: Floats, signal: Floats, ranging: Ranging | None, rng: np.random.Generator
 ) -> Floats:
-    """Add to distances [m] of any shape the deviation that belongs to their signals.
-
-    None is behind the sensor, however near its target is.
-    """
+    """Add its deviation to distances [m] of any shape; none gets behind the sensor."""
     if ranging is None:
         return distance
     shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)

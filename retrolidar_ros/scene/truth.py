@@ -59,10 +59,7 @@ def judge(
     readings: Sequence[Detection],
     untransformed: Collection[int] = (),
 ) -> list[Outcome]:
-    """Set readings beside the truth: markers of the scene first, then ghosts.
-
-    Some readings of the `untransformed` IDs are not in TF.
-    """
+    """Set readings beside the truth, ghosts last; some of `untransformed` IDs are not in TF."""
     origin_ns = int(recording.stamp_ns[0])
     markers: dict[int, Marker | None] = {marker.id: marker for marker in scene.markers}
     for ghost in sorted({reading.id for reading in readings} - set(markers)):

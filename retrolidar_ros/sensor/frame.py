@@ -51,10 +51,7 @@ def valid_samples(
 
 @dataclass(frozen=True)
 class ZoneGrid:
-    """The directions in which the zones of a VL53L8CX look.
-
-    Zones are equal steps in the tangent of the angle, so a grid is flat at any distance.
-    """
+    """The directions of a VL53L8CX's zones, equal steps of a tangent: flat at any distance."""
 
     rows: int = 4
     columns: int = 4
@@ -119,10 +116,7 @@ GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}  # the usual grid
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame of the sensor: for every zone the quadruple (D, I, A, S) of paper §2.1.
-
-    The arrays have the shape (zones,), in the order of the scene.
-    """
+    """One frame: (D, I, A, S) of paper §2.1 for every zone, shape (zones,), as in the scene."""
 
     stamp_ns: int  # middle of the exposure [ns]: by the sensor's clock until a driver maps it
     sequence: int  # the sensor's frame counter, 32 bits; a jump means lost frames

@@ -96,10 +96,7 @@ class Commands:
             self._answered.notify_all()
 
     def ask(self, command: Command, timeout_s: float) -> bool:
-        """Send a command, and wait for its effect; return whether it came.
-
-        TimeoutError if there is no answer at all.
-        """
+        """Send a command; return whether its effect came, TimeoutError without any answer."""
         with self._answered:
             wanted, self._wants_ranging = self._wants_ranging, command is not Command.STOP
             self._is_reminded = True

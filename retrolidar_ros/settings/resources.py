@@ -14,10 +14,7 @@ _PACKAGE = Path(__file__).absolute().parent.parent
 
 
 def shared_file(name: str) -> Path:
-    """Return the path of a file or directory of the package, such as `msg/Frame.msg`.
-
-    FileNotFoundError if it is missing; the message names the places searched.
-    """
+    """Return the path of a file of the package, or FileNotFoundError with the places searched."""
     beside = _PACKAGE.parent
     directories = [parent / 'share' / _PACKAGE.name for parent in beside.parents]
     if (beside / 'package.xml').is_file():

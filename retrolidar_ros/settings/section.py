@@ -107,10 +107,7 @@ def _keys(kind: Any) -> list[tuple[Field[Any], str, Parser[Any]]]:
 def quantity(
     kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST, *, bare: bool = False
 ) -> Parser[float]:
-    """Return a parser of quantities such as `21 ms` within limits in the code's own unit.
-
-    A `bare` number may stand for one in that unit.
-    """
+    """Return a parser of quantities such as `21 ms`, or `bare` ones, in the code's own unit."""
 
     def parse(value: Any, path: str) -> float:
         units = UNITS[kind]

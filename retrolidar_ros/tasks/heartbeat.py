@@ -12,10 +12,7 @@ _MAX_WINDOWS = 100
 
 
 class Heartbeat:
-    """Counts windows with and without a detection, and the longest silence.
-
-    The caller gives the time, which may be that of a recording.
-    """
+    """Counts windows with and without a detection, and the longest silence, by given times."""
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         """Count windows of `window_s` [s]."""

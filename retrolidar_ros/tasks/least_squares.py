@@ -90,10 +90,7 @@ class Problem:
         return self._scores(residual, np.diag(range_m2) + known[:, 0], edge_rad2 + known[:, 1:])
 
     def covariance_with(self, fit: Fit, known: int) -> Floats:
-        """Return the covariance of the state, shape (9, 9), with readings after `known` of a fit.
-
-        Only the ranges of the further readings count.
-        """
+        """Return the state's covariance (9, 9) with the ranges of readings after `known`."""
         jacobian, residual = self._linearised(fit.state)
         range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
         weights = self._bearing_weights(residual[:, 1:], edge_rad2)

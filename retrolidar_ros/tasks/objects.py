@@ -43,10 +43,7 @@ class ObjectBoard:
     def see(
         self, name: str, stamp_ns: int, frame_id: str, position_m: Floats, covariance: Floats
     ) -> bool:
-        """Take a sighting of an object: position (3,) [m] and covariance (3, 3) [m²] in a frame.
-
-        Returns whether it is used; it is not if a newer one is known.
-        """
+        """Take a sighting, with its covariance (3, 3); return False if a newer one is known."""
         known = self._sightings.get(name)
         # Much older ones are of a clock that was set back, or of a bag played again.
         if known is not None and 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:
