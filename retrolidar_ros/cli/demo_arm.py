@@ -72,10 +72,8 @@ class _Hand:
     def _take(self, name: str, truth_m: Floats, message: PoseWithCovarianceStamped) -> None:
         off_m = IN_BASE.T @ vector_of(message.pose.pose.position) - truth_m
         covariance = IN_BASE.T @ covariance_of(message.pose)[:3, :3] @ IN_BASE
-        time_s, off_mm = (
-            self.time_s(to_ns(message.header.stamp)),
-            1e3 * float(np.linalg.norm(off_m)),
-        )
+        time_s = self.time_s(to_ns(message.header.stamp))
+        off_mm = 1e3 * float(np.linalg.norm(off_m))
         is_inside = bool(off_m @ np.linalg.solve(covariance, off_m) < RARE)
         self._known[name].append(Known(time_s, off_mm, 1e3 * largest_stddev(covariance), is_inside))
 

@@ -88,9 +88,7 @@ def _places(
         style = {'markersize': 9, 'markeredgewidth': 2, 'color': colour}
         axes.plot(x[0] / z[0], y[0] / z[0], 'x+'[index % 2], **style)
     if readings and markers:
-        motion = (
-            '; lines: motion' if any(marker.wander or marker.path for marker in markers) else ''
-        )
+        motion = '; lines: motion' if any(one.wander or one.path for one in markers) else ''
         axes.set_title(f'square: marker, cross: read{motion}', fontsize=10)
 
 

@@ -131,9 +131,8 @@ def bit_periods(
     last = 4 << len(energy).bit_length()
     power = np.abs(np.fft.rfft(energy, 2 * last)) ** 2 / max(energy @ energy, 1e-30)
     period_s = float(stamp_ns[-1] - stamp_ns[0]) * 1e-9 / frame[-1]
-    return tuple(
-        Period(2 * last * period_s / line, strength) for line, strength in _strongest_lines(power)
-    )
+    lines = _strongest_lines(power)
+    return tuple(Period(2 * last * period_s / line, strength) for line, strength in lines)
 
 
 def _strongest_lines(power: Floats) -> list[tuple[int, float]]:

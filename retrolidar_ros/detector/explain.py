@@ -25,8 +25,7 @@ from retrolidar_ros.detector.trials import (
 )
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
-from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT, frame_period
+from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Floats, Recording, frame_period, valid_samples
 from retrolidar_ros.sensor.model import NoiseLaw, Status
 
 _TRIED_ON = 640  # newest frames

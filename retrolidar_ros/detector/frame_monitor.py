@@ -17,8 +17,14 @@ from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
-from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, frame_period, missing_frames
+from retrolidar_ros.sensor.frame import (
+    RATE_FRAMES,
+    Frame,
+    Recording,
+    ZoneGrid,
+    frame_period,
+    missing_frames,
+)
 
 _KEPT = 320  # a packet with nine frames a bit
 _MIN_KEPT = 128

@@ -41,14 +41,8 @@ class Reason(str, Enum):
     DISTANCE = 'distance'  # it was read, but no distance was measured
 
 
-_REASONS = {
-    int(lib.RL_EVIDENCE): Reason.EVIDENCE,
-    int(lib.RL_NOT_A_WORD): Reason.NOT_A_WORD,
-    int(lib.RL_MARGIN): Reason.MARGIN,
-    int(lib.RL_INCOMPLETE): Reason.INCOMPLETE,
-    int(lib.RL_ERASED): Reason.ERASED,
-}
-"""By their numbers in the core."""
+# By their numbers in the core, which knows nothing of a missing distance.
+_REASONS = {int(getattr(lib, f'RL_{one.name}')): one for one in Reason if one != Reason.DISTANCE}
 
 
 class Candidate(NamedTuple):

@@ -16,8 +16,7 @@ import numpy as np
 
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT
+from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Recording
 
 Read = Callable[[Recording, float], list[Detection]]  # reads a recording with a bit period [s]
 CAPTURED = 0.02  # relative error of a bit period that a detector makes up for

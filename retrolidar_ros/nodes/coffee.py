@@ -58,13 +58,12 @@ class CoffeeNode(Node):
         names = self._board.names
         self._poses = {
             name: latched(self, PoseWithCovarianceStamped, topic)
-            for name, topic in zip(names, topics_of('~/objects/', names), strict=True)
+            for name, topic in topics_of('~/objects/', names).items()
         }
-        pairs = list(combinations(names, 2))
-        topics = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
+        pairs = {pair: '_to_'.join(pair) for pair in combinations(names, 2)}
+        topics = topics_of('~/offsets/', [*pairs.values()])
         self._offsets = {
-            pair: latched(self, Vector3Stamped, topic)
-            for pair, topic in zip(pairs, topics, strict=True)
+            pair: latched(self, Vector3Stamped, topics[name]) for pair, name in pairs.items()
         }
         DiagnosticsPublisher(self).register_health_check(self, 'objects', self._examine)
         self._readings: DetectionSubscriber

@@ -133,9 +133,7 @@ class DetectorNode(Node):
     def _examine(self) -> Health:
         # Includes nodes that have just been killed.
         found = self.get_publishers_info_by_topic(self._topic) if self._topic else []
-        publishers = [
-            f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' for publisher in found
-        ]
+        publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
         with self._lock:
             counts = self._detector.counts
             health = self._health.examine(self._values, self._known, counts, publishers)

@@ -13,8 +13,7 @@ from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.parameters import registered
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health
-from retrolidar_ros.sensor.frame import ZoneGrid
-from retrolidar_ros.sensor.frame_rate import stamps_stand
+from retrolidar_ros.sensor.frame import ZoneGrid, stamps_stand
 
 _SILENCE_S = 2.0
 # A sensor that restarts resets its counter once.

@@ -71,8 +71,8 @@ class DetectorTopics:
             known = {}
         topics = topics_of('poses/', [marker.frame for marker in known.values()])
         self._poses = {
-            identity: publisher(node, PoseStamped, topic, LATCHED)
-            for identity, topic in zip(known, topics, strict=True)
+            marker.id: publisher(node, PoseStamped, topics[marker.frame], LATCHED)
+            for marker in known.values()
         }
         self._beat_s = -math.inf
         self._sent_ns = self._drawn_ns = self._dropped = 0
@@ -137,10 +137,8 @@ class DetectorTopics:
 
     def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
         """Publish the detections of one frame, transforms first: subscribers look them up."""
-        messages = [
-            to_detection_msg(detection, frame_id, self._child_frame(detection.id))
-            for detection in detections
-        ]
+        child = self._child_frame
+        messages = [to_detection_msg(one, frame_id, child(one.id)) for one in detections]
         if not self._has_tracks:
             self._send(messages)
         for message in messages:
@@ -167,9 +165,7 @@ class DetectorTopics:
     def _draw(self, messages: Sequence[Marked]) -> None:
         if self._drawn.get_subscription_count():
             stale_after_s = self._values['stale_after']
-            shapes = [
-                shape for message in messages for shape in marker_shapes(message, stale_after_s)
-            ]
+            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
             self._drawn.publish(MarkerArray(markers=shapes))
 
 

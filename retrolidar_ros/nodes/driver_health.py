@@ -13,8 +13,7 @@ from std_msgs.msg import Header
 
 from retrolidar_ros.nodes.diagnostics import ERROR, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
-from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
+from retrolidar_ros.sensor.frame import IS_NORMAL, Frame, missing_frames, stamps_stand
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.sensor.wire import WireCounts
 

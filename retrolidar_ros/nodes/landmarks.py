@@ -21,7 +21,7 @@ from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
+from retrolidar_ros.nodes.qos import STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
@@ -57,7 +57,7 @@ class LandmarksNode(Node):
         )
         frame, known = self._load(values['load_file'])
         names = sorted({*known, *objects})
-        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
+        self._owners = {topic: name for name, topic in topics_of('~/objects/', names).items()}
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -131,7 +131,7 @@ class LandmarksNode(Node):
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
-        (topic,) = topics_of('~/objects/', [batch.name])
+        topic = f'~/objects/{topic_part(batch.name)}'
         try:
             owner = self._owners.get(topic, batch.name)
             if owner != batch.name:

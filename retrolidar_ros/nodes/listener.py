@@ -75,14 +75,12 @@ class Listener:
 
     def untransformed(self) -> set[int]:
         """Return the IDs of detections whose transforms have not come."""
-        sent = {
-            (message.child_frame_id, to_ns(message.header.stamp)) for message in self.transforms
-        }
-        return {
-            message.id
-            for message, _ in self.markers
-            if (message.child_frame_id, to_ns(message.header.stamp)) not in sent
-        }
+
+        def key(message: TransformStamped | MarkerDetection) -> tuple[str, int]:
+            return message.child_frame_id, to_ns(message.header.stamp)
+
+        sent = set(map(key, self.transforms))
+        return {message.id for message, _ in self.markers if key(message) not in sent}
 
     def close(self) -> None:
         """Leave the graph."""

@@ -57,8 +57,8 @@ def topic_part(frame: str) -> str:
     return f'_{part}' if part[0].isdigit() else part
 
 
-def topics_of(prefix: str, names: Sequence[str]) -> list[str]:
-    """Return a topic for each name; ValueError if two would share one."""
+def topics_of(prefix: str, names: Sequence[str]) -> dict[str, str]:
+    """Return a topic by each name; ValueError if two would share one."""
     owners: dict[str, str] = {}
     for name in names:
         topic = prefix + topic_part(name)
@@ -67,4 +67,4 @@ def topics_of(prefix: str, names: Sequence[str]) -> list[str]:
                 f'{owners[topic]} and {name} would share the topic {topic}: rename one of them'
             )
         owners[topic] = name
-    return list(owners)
+    return {name: topic for topic, name in owners.items()}

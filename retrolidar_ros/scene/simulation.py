@@ -137,13 +137,11 @@ class Simulation:
         self, marker: Marker, transmission: Transmission, middle_s: Floats
     ) -> tuple[Floats, Floats]:
         sensor = self.scene.sensor
-        position_m, ahead = lab.in_front(
-            lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
-        )
+        position_m = lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
+        position_m, ahead = lab.in_front(position_m)
         range_m = np.linalg.norm(position_m, axis=-1)
-        light = 1 - marker.contrast * (
-            1 - transmission.mean(exposure_edges(middle_s, self.period_s))
-        )
+        blocked = 1 - transmission.mean(exposure_edges(middle_s, self.period_s))
+        light = 1 - marker.contrast * blocked
         if marker.occlusion is not None:
             light = light * visible_share(marker.occlusion, middle_s, self.period_s)
         light = light * received_signal(

@@ -94,9 +94,8 @@ def declared() -> dict[str, dict[str, Parameter]]:
     defaults = load_yaml(path)
     nodes = {}
     for node, text in zip(parts[::2], parts[1::2], strict=True):
-        comments = {
-            name: ' '.join(re.findall('# (.+)', lines)) for lines, name in _COMMENTED.findall(text)
-        }
+        commented = _COMMENTED.findall(text)
+        comments = {name: ' '.join(re.findall('# (.+)', lines)) for lines, name in commented}
         nodes[node] = {
             name: Parameter.of(default, comments[name])
             for name, default in defaults[f'/**/{node}']['ros__parameters'].items()

@@ -171,10 +171,8 @@ class Problem:
         return information, slope
 
     def _sight(self, state: State) -> Floats:
-        moved = np.outer(self.seen.before_s, state.velocity)
-        sight: Floats = (
-            state.position_m + self._places @ state.rotation.T - moved - self.seen.sensor_m
-        )
+        begin_m = self.seen.sensor_m + np.outer(self.seen.before_s, state.velocity)
+        sight: Floats = state.position_m + self._places @ state.rotation.T - begin_m
         return sight
 
     def _linearised(self, state: State) -> tuple[Floats, Floats]:

@@ -15,12 +15,10 @@ from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, blinking_zones
 from retrolidar_ros.detector.trials import Trial, best, candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.frame_rate import frame_period
+from retrolidar_ros.sensor.frame import Recording, frame_period
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 from retrolidar_ros.settings.parameter import declared
-from retrolidar_ros.tasks.calibration.estimate import Estimate, weighted_mean
-from retrolidar_ros.tasks.calibration.noise import NoiseFound, noise_of
+from retrolidar_ros.tasks.calibration.noise import Estimate, NoiseFound, noise_of, weighted_mean
 
 _ZONES = 8
 _MIN_PACKETS = 3
