@@ -48,11 +48,7 @@ class FrameWriter:
         topic: str = FRAMES_TOPIC,
         frame_id: str = 'retrolidar_optical_frame',
     ) -> None:
-        """Prepare a bag; its directory, and that one's parents, are made on entering the block.
-
-        The topic is absolute, the frame that of the headers. BagError if the path exists, the
-        storage is none of `STORAGES`, or `rosbags` is not installed.
-        """
+        """Prepare a bag, made on entering the block; BagError if that is not possible."""
         try:
             from rosbags import interfaces, rosbag2
         except ImportError as error:

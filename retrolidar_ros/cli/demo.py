@@ -84,10 +84,7 @@ def executable(node: str) -> str:
 def running_nodes(
     listener: Listener, landmarks: Sequence[str] = ()
 ) -> Iterator[tuple[ProcessGroup, Path]]:
-    """Yield driver and detector with the shipped parameters, and the port where they wait.
-
-    With options for it, there is a node `landmarks`, too. ProcessError if they do not come.
-    """
+    """Yield driver, detector, and with its options `landmarks`, and the port where they wait."""
     with (
         TemporaryDirectory(prefix='retrolidar_') as directory,
         ProcessGroup(Path(directory)) as processes,

@@ -200,8 +200,7 @@ def plot_readings(
 ) -> None:
     """Write a PNG of a recording, and of the first reading of each marker in it.
 
-    Readings are in order of time. Known `markers` are shown where they really are; where nothing
-    was read, so are the zones that blink most, or all. A `hint` says what to do about it.
+    Where nothing was read, the zones that blink most are shown, or all; a `hint` says what to do.
     """
     from matplotlib.figure import Figure
 

@@ -40,12 +40,10 @@ from retrolidar_ros.sensor.wire import WireCounts
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
-# The newest samples that are kept: a packet, and a bit or two as its end may be anywhere.
-_KEPT_BITS = PACKET_BITS + 3
+_KEPT_BITS = PACKET_BITS + 3  # a packet whose end may be anywhere
 _RATE_S = 2.0  # over which frames are counted for their rate
 _SILENCE_S = 1.0
-# Another zone has to blink by so much more than that which is shown.
-_MORE_DB = 3.0
+_MORE_DB = 3.0  # another zone has to blink by so much more than that which is shown
 
 
 class _Tally(NamedTuple):

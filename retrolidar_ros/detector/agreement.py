@@ -13,21 +13,20 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 
-# A faint marker is read once in eight packets, some of which may be hidden.
-_MAX_GAP_PACKETS = 12
+_MAX_GAP_PACKETS = 12  # a faint marker is read once in eight, and some may be hidden
 _MAX_DEVIATIONS = 3.0
 _MAX_SPEED = 1.0  # of a marker along the line of sight [m/s]
 
 
 class Agreement:
-    """Confirms a reading once enough readings agree, itself included."""
+    """Confirms a reading once enough readings of its ID agree, itself included.
+
+    They agree if they are no more than twelve packets apart for each that is needed, and their
+    ranges by no more than three deviations and 1 m/s.
+    """
 
     def __init__(self, min_readings: int) -> None:
-        """Begin without any reading; with a minimum of 1 all pass.
-
-        Readings of one ID agree if they are no more than twelve packets apart for each of
-        `min_readings`, and their ranges by no more than three deviations and 1 m/s.
-        """
+        """Begin without any reading; with a minimum of 1 all pass."""
         self._min_readings = min_readings
         self._recent: defaultdict[int, deque[Detection]] = defaultdict(
             lambda: deque(maxlen=4 * min_readings)

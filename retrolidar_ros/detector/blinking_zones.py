@@ -20,19 +20,15 @@ from retrolidar_ros.sensor.model import NoiseLaw
 
 BLINKING_DB = 3.0  # minimum modulation of a blinking zone: noise alone may reach less [dB]
 MIN_FRAMES = 64  # frames that a bit period is estimated from
-# A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
-_MAX_FRAMES = 9
-# A line of noise is 1 high on average; this is less than what one in hundreds of them reaches.
-_NOISE_LINE = 4.0
+_MAX_FRAMES = 9  # of a bit; there is no line where it lasts less than two
+_NOISE_LINE = 4.0  # on average a line of noise is 1 high; one in hundreds is higher
 _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
 _APART = 0.03
 _CANDIDATES = 4
 SURE = 5.0  # minimum strength of a spectral line that is not noise
-# Alignments of bits that are tried: end of the last bit, and clock error.
-_PHASES = np.arange(8) / 8
+_PHASES = np.arange(8) / 8  # tried: ends of the last bit, and clock errors
 _CLOCKS = 1 + 0.007 * np.arange(-4, 5)
-# Minimum number of valid samples of a bit, of two; with fewer it is erased.
-_MIN_VALID = 0.5
+_MIN_VALID = 0.5  # minimum number of valid samples of a bit, of two; with fewer it is erased
 
 
 class Samples(NamedTuple):

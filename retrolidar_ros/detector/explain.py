@@ -52,10 +52,7 @@ class Explanation:
         detections: Iterable[Detection] = (),
         withheld: int = 0,
     ) -> None:
-        """Take two frames or more, and what a detector of values and known markers read.
-
-        `withheld` is how many detections `min_readings` withholds, if it withholds all.
-        """
+        """Take two frames or more, and what was read of them, or withheld if it was all."""
         self.recording = recording
         self._values, self._known = values, known
         self._bit_s = values['bit_period']

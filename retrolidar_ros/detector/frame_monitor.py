@@ -28,16 +28,14 @@ from retrolidar_ros.sensor.frame import (
 
 _KEPT = 320  # a packet with nine frames a bit
 _MIN_KEPT = 128
-# Below this, something that moves far away, or noise, may be the cause.
-_CLEARLY_DB = 6.0
+_CLEARLY_DB = 6.0  # below this, something that moves far away, or noise, may be the cause
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 1.5
 _PAUSE_NS = 1_000_000_000  # without frames: what came before it is left out
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
-# A look costs a millisecond, with a trial tens of them: between the first ones, and later.
-_LOOKING_S = (0.9, 2.0)
+_LOOKING_S = (0.9, 2.0)  # between the first looks, and later: one costs up to tens of milliseconds
 _HASTY = 9  # first looks at a zone
 
 

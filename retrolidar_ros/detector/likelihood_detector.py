@@ -23,8 +23,7 @@ from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
-# Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
-_MIN_HELD = 1100
+_MIN_HELD = 1100  # frames: eight packets at two frames a bit, or one at more than thirty
 _SETTLED_PACKETS = 1.5  # by then, any packet that explains a candidate has been read
 _SLACK = 0.1  # of a packet
 _READ = 256  # newest readings that candidates are compared with
@@ -141,10 +140,7 @@ class LikelihoodDetector:
         self._tracker: Tracker | None = None
 
     def follow(self, frame: Frame) -> list[Track]:
-        """Return the markers that are followed, at the frame that was taken last.
-
-        Call it after every `update`; it follows those that are read from the first call on.
-        """
+        """Return the markers at the newest frame, followed from the first call on."""
         if self._tracker is None:
             self._tracker = Tracker(self._core, self._grid, self._sizes_m)
         return self._tracker.follow(frame.stamp_ns)

@@ -34,11 +34,7 @@ class ConfusablePair(NamedTuple):
 
 
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the distances of IDs, shape (n,), to each other and, on the diagonal, to themselves.
-
-    They are in bits, shape (n, n); that of an ID to its double is 0. ValueError if there is no ID,
-    or an impossible one.
-    """
+    """Return the distances of IDs (n,) at any start bit, (n, n): on the diagonal to themselves."""
     # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
     # integers below 2^24 are exact in float32, so is the product.
     signs = 1 - 2 * packet(_listed(ids)).astype(np.float32)

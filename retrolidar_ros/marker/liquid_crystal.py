@@ -15,8 +15,7 @@ from retrolidar_ros.settings.section import quantity
 
 _Time: TypeAlias = Annotated[float, quantity('time', 1e-6, 0.1)]
 
-# An exponential runs from 10 to 90 % in ln 9 time constants.
-_TIME_CONSTANTS_10_TO_90 = math.log(9)
+_TIME_CONSTANTS_10_TO_90 = math.log(9)  # an exponential runs from 10 to 90 % in ln 9 time constants
 
 
 @dataclass(frozen=True)

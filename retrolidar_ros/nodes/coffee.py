@@ -33,8 +33,7 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.survey import Survey
 
 _TICK_S = 0.1
-# How long a detection waits for the transform of its time.
-_PATIENCE_S = 1.0
+_PATIENCE_S = 1.0  # how long a detection waits for the transform of its time
 
 
 class CoffeeNode(Node):

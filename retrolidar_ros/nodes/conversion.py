@@ -23,8 +23,7 @@ from retrolidar_ros.sensor.frame import Floats, Frame, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
 Marked: TypeAlias = 'MarkerDetection | MarkerTrack'  # a message with the place of a marker
-# Deviation of a marker's rate of turn, which is not measured [rad/s].
-_ANY_TURN_RATE = 3.0
+_ANY_TURN_RATE = 3.0  # deviation of a marker's rate of turn, which is not measured [rad/s]
 # Of a detection, what a message has as it is, by the fields of both.
 _ALIKE = ('id', 'evidence', 'decision_margin', 'score', 'likelihood', 'corrected_bits', 'packets')
 _MEASURED = {name: name for name in _ALIKE} | {'snr_db': 'snr', 'bit_period_s': 'bit_period'}

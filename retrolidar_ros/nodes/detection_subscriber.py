@@ -20,8 +20,7 @@ _MAX_NAME = 100
 _MAX_AHEAD_S, _MAX_AGE_S = 2.0, 60.0
 _MAX_DISTANCE_M = 100.0
 _MIN_FORWARD = 0.5  # the field of view is narrower
-# Deviations of a range or a position [m], and of an angle [rad].
-_MIN_STDDEV, _MAX_STDDEV = 1e-6, 100.0
+_MIN_STDDEV, _MAX_STDDEV = 1e-6, 100.0  # of a range or a position [m], and of an angle [rad]
 _UNIT = 1e-3
 _LOG_PERIOD_S = 5.0
 

@@ -16,10 +16,8 @@ from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Healt
 from retrolidar_ros.sensor.frame import ZoneGrid, stamps_stand
 
 _SILENCE_S = 2.0
-# A sensor that restarts resets its counter once.
-_MIXED = 2
-# Overloads in a second, of about six searches; a single one does no harm.
-_OVERLOADED = 3
+_MIXED = 2  # a sensor that restarts resets its counter once
+_OVERLOADED = 3  # of about six searches a second; a single one does no harm
 NO_FRAME = 'no frame has come'
 
 

@@ -37,8 +37,7 @@ from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource
 
 FrameCallback = Callable[[Frame, str], None]  # takes a stamped frame and its TF frame
 
-# Timeout of an answer: a sensor needs a frame period, and the reading thread 0.2 s.
-_PATIENCE_S = 1.0
+_PATIENCE_S = 1.0  # for an answer: a sensor needs a frame period, the thread 0.2 s
 _DONE = {
     Command.START: 'the sensor is ranging',
     Command.STOP: 'the sensor is stopped',
@@ -73,8 +72,8 @@ class FrameTopics:
 class DriverNode(LifecycleNode):
     """Publishes the sensor's frames with the time of their exposure.
 
-    Configured, it reads the port, in a thread of its own, so nothing that the executor does delays
-    a frame; active, it publishes. With the parameter autostart it becomes active by itself.
+    Configured, it reads the port in a thread of its own, so nothing delays a frame; active, it
+    publishes.
     """
 
     def __init__(
@@ -83,11 +82,7 @@ class DriverNode(LifecycleNode):
         board: DiagnosticsPublisher | None = None,
         **options: Any,
     ) -> None:
-        """Declare parameters, and start reading with autostart.
-
-        `on_frame` gets every frame directly, not by a topic; the board is that of the process, if
-        it has one.
-        """
+        """Declare parameters, and start with autostart; `on_frame` gets frames without a topic."""
         # Set before super().__init__(): if that raises, rclpy calls destroy_node(), which needs
         # these.
         self._source: SerialSource | None = None

@@ -17,9 +17,7 @@ from retrolidar_ros.sensor.frame import IS_NORMAL, Frame, missing_frames, stamps
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.sensor.wire import WireCounts
 
-# Share of abnormal zones above which the sensor or its window is faulty: looking
-# into a room, a quarter of them is usual.
-_MANY_ABNORMAL = 0.75
+_MANY_ABNORMAL = 0.75  # share of zones of a faulty sensor; into a room, a quarter is usual
 _SILENCE_S = 0.8
 NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped'
 

@@ -82,10 +82,7 @@ class Parameters:
         self._node.add_on_set_parameters_callback(change)
 
     def _warn_of_misspelled(self) -> None:
-        """Log a warning for each parameter that was set and resembles one that this node has.
-
-        Others may be of other nodes: `/**:` in a parameter file addresses all.
-        """
+        """Warn of each parameter that was set, and that is nearly one of this node."""
         # Not public; what is, automatically_declare_parameters_from_overrides, would declare each.
         for name in self._node._parameter_overrides:
             of_others = any(name in declarations for declarations in declared().values())

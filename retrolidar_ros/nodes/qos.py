@@ -36,8 +36,8 @@ def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publi
 def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
     """Return a publisher of a latched topic.
 
-    It waits for no incompatible subscriber, as there is none: an executor looks through all such
-    events with each message, and some nodes have hundreds of these topics.
+    It takes no events: with each message an executor looks through all, of hundreds of these
+    topics.
     """
     silent = PublisherEventCallbacks(use_default_callbacks=False)
     return node.create_publisher(kind, topic, LATCHED, event_callbacks=silent)

@@ -21,8 +21,7 @@ from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 
 _TICK_S = 0.1
 _MAX_WAITING = 1000
-# A larger jump is a clock that was set, or a replay that restarted; a smaller one is NTP.
-_JUMP = Duration(seconds=1.0)
+_JUMP = Duration(seconds=1.0)  # more is a clock that was set, or a replay that restarted
 
 
 class TransformedDetections(DetectionSubscriber):

@@ -25,8 +25,7 @@ from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visi
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 
-# A pulse counts as merged when its strongest target is less than this share of it.
-_PURE_SHARE = 0.95
+_PURE_SHARE = 0.95  # of the strongest target; with less a pulse counts as merged
 # Codes that the sensor gives to measurements it does not trust.
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],

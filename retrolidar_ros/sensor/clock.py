@@ -16,8 +16,7 @@ MAX_SKEW = 0.05  # largest relative error of a sensor's clock that is accepted
 _STEP_NS = 100_000_000
 _STALL_NS = 1_000_000_000
 _YOUNG_NS = 1_000_000_000
-# Period of a microcontroller's 32-bit counter of microseconds: 71.6 minutes.
-_TURN_NS = 2**32 * 1000
+_TURN_NS = 2**32 * 1000  # of a 32-bit counter of microseconds: 71.6 minutes
 
 
 class ClockMap:
@@ -28,11 +27,7 @@ class ClockMap:
     """
 
     def __init__(self, min_delay_s: float = 0.0) -> None:
-        """Start without knowledge.
-
-        `min_delay_s` is the known part of the delay from the middle of the exposure to the arrival,
-        which is taken off every stamp [s].
-        """
+        """Start without knowledge; stamps are less by the known delay `min_delay_s`."""
         self.restarts = 0
         self.skew = 0.0  # host seconds per sensor second, less one; 0 while unknown
         self._min_delay_ns = round(min_delay_s * 1e9)

@@ -1,10 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the package knows of a sensor.
-
-To use another one, give its `SensorModel` to `create_detector`; all that the core knows of a sensor
-comes from there (`core/src/retrolidar_sensor.h`).
-"""
+"""What the package knows of a sensor; `create_detector` takes a `SensorModel` of another one."""
 
 from __future__ import annotations
 

@@ -27,10 +27,7 @@ def matrix_of(quaternion: Floats) -> Floats:
 
 
 def quaternion_of(matrix: Floats) -> Floats:
-    """Return the quaternion, shape (4,), of a rotation matrix of shape (3, 3).
-
-    It is the eigenvector of the largest eigenvalue of a symmetric matrix (Bar-Itzhack 2000).
-    """
+    """Return the quaternion (4,) of a rotation matrix (3, 3), by Bar-Itzhack 2000."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
     symmetric = np.array(
         [

@@ -146,10 +146,7 @@ class StExampleReader:
         self._is_light_wanted = False
 
     def request(self) -> bytes:
-        """Return the key that switches the signal on, if it is off and was not just pressed.
-
-        The key is a switch: pressed once more while its effect is on the way, it would undo it.
-        """
+        """Return the key that switches the signal on, once: a second press would undo it."""
         is_wanted, self._is_light_wanted = self._is_light_wanted, False
         return SWITCH_LIGHT if is_wanted else b''
 

@@ -14,10 +14,7 @@ REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def ignore_requests() -> None:
-    """Ignore further termination signals, which must not cut the clean-up short.
-
-    `ros2 launch` passes on the interrupt that a terminal has already sent to all processes.
-    """
+    """Ignore further signals, which must not cut the clean-up short; `ros2 launch` sends two."""
     for request in REQUESTS:
         signal.signal(request, signal.SIG_IGN)
 

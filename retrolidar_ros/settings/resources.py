@@ -1,10 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Paths of the files that ship with the package.
-
-They are beside the Python package in the source tree, and in `share/retrolidar_ros` of the prefix
-under which colcon or pip have installed it.
-"""
+"""Paths of the files that ship with the package, from the source tree or where it is installed."""
 
 from __future__ import annotations
 

@@ -16,15 +16,11 @@ from retrolidar_ros.settings.section import ConfigError
 T = TypeVar('T')
 
 MAX_BYTES = 2**20
-# What PyYAML raises for a value that its tag does not suit, as in `!!bool maybe`.
-_OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
+_OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)  # as of `!!bool maybe`
 
 
 class _CarefulLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in one mapping, where plain YAML lets the last one win.
-
-    Like ROS, it refuses aliases, too, by which a small file may stand for a huge one.
-    """
+    """Refuses a key that stands twice in one mapping, and, like ROS, aliases (YAML bombs)."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):

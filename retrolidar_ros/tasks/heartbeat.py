@@ -7,8 +7,7 @@ from __future__ import annotations
 import math
 
 WINDOW_S = 10.0  # of the paper's detection rate
-# A larger jump of time is a clock that was set.
-_MAX_WINDOWS = 100
+_MAX_WINDOWS = 100  # a larger jump of time is a clock that was set
 
 
 class Heartbeat:

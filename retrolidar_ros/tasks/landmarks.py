@@ -17,19 +17,16 @@ from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Fit, Prior
 
-# Gating: a reading with a residual beyond so many standard deviations is an outlier.
-_GATE = 4.5
+_GATE = 4.5  # gating: a reading with a residual beyond so many standard deviations is an outlier
 # A landmark is initialised when so many more readings agree than do not, and it has moved when so
 # many outliers agree.
 _AGREEING, _MOVED = 2, 3
-# Ranges of a larger standard deviation are left out: what stands behind a marker shifts them.
-_VAGUE_M = 0.02
+_VAGUE_M = 0.02  # less certain ranges are left out: what stands behind a marker shifts them
 _MAX_READINGS = 40
 _MAX_OUTLIERS = 6
 _MOVING_WINDOW_S = 8.0
 _ONE_VIEW_M = 0.05
-# Above this standard deviation all orientations are tried again [rad].
-_ROTATION_UNKNOWN = 0.2
+_ROTATION_UNKNOWN = 0.2  # above this standard deviation all orientations are tried again [rad]
 
 
 @dataclass(frozen=True, eq=False)

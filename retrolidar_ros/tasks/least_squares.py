@@ -218,10 +218,7 @@ def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
 
 
 def _redundancy(axes: Floats, marker: NDArray[np.int64], bearing: Floats, half: Floats) -> Floats:
-    """Return how many directions are redundant with each, itself included, shape (n, 2).
-
-    Those of a marker at the same place of their boxes tell no more than one of them.
-    """
+    """Return how many directions (n, 2) tell the same: of a marker at one place of their boxes."""
     rows, place, size = axes.reshape(-1, 3), bearing.ravel(), half.ravel()
     apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
     alike = (rows @ rows.T) ** 2 * np.maximum(1 - 2 * apart, 0)

@@ -25,7 +25,10 @@ _WIDER, _NEARER = (1.25, 1.5, 2.0, 2.5, 3.0), (0.9, 0.8, 0.7, 0.6, 0.5)
 
 
 class ViewPlanner:
-    """Chooses the next viewpoint, and keeps it until the sensor can have reached it."""
+    """Chooses the next viewpoint, and keeps it until the sensor can have reached it.
+
+    It changes once all objects that it is for are known or were read from there, or after `move_s`.
+    """
 
     def __init__(self) -> None:
         self.reach_m = self.move_s = math.nan
@@ -43,11 +46,7 @@ class ViewPlanner:
         self._wanted: set[str] = set()
 
     def take(self, reading: Reading, name: str, missing: Mapping[str, Landmark | None]) -> None:
-        """Take the last reading, and the objects that are not known well enough, by name.
-
-        The viewpoint changes `move_s` after it was chosen, or once all objects that it is for are
-        known or were read from there.
-        """
+        """Take the last reading, and the objects not known well enough; choose a view if due."""
         if self._began_m is None:
             self._began_m = reading.pose.position_m
         if (view := self.view) is not None:

@@ -93,12 +93,9 @@ class Errors:
 # Share of the variance of a range that its readings from one place have in common: a background or
 # another marker in the zone shifts them in the same way.
 _SHARED = 0.25
-# Correlation time of the acceleration of a moving marker.
-_LASTING_S = 3.0
-# A sensor without a reading for so long does not see the marker.
-_SILENT_S = 2.0
-# Distance within which the errors of a sensor correlate [m].
-_ALIKE_M = 0.05
+_LASTING_S = 3.0  # correlation time of the acceleration of a moving marker
+_SILENT_S = 2.0  # a sensor without a reading for so long does not see the marker
+_ALIKE_M = 0.05  # distance within which the errors of a sensor correlate [m]
 
 
 class Readings:

@@ -27,8 +27,7 @@ _ALL_MOVE = 0.3
 _LAGS = (20, 320)  # frames after which a packet may come again
 _MAX_SIMILAR = 6.0  # standard deviations, of steps of white noise
 _ROUNDS = 30
-# A slope that is less certain than this share of it is not reported.
-_MIN_SURE = 0.35
+_MIN_SURE = 0.35  # a slope that is less certain than this share of it is not reported
 _MIN_FLOOR = 1e-3
 _MIN_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
 _NORMAL_95 = 1.96
