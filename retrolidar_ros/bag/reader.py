@@ -25,20 +25,11 @@ FRAMES_TOPIC = '/retrolidar/frames'
 
 
 def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
-    """Read a bag's frames one after the other, as they were recorded.
+    """Read a bag's frames one after the other, as they were recorded, from an absolute topic.
 
-    Parameters
-    ----------
-    path
-        A bag's directory, or one of its files: `.mcap`, `.db3`, or either compressed, `.zstd`.
-    topic
-        Absolute name of the topic.
-
-    Raises
-    ------
-    BagError
-        If there is no such path or topic, its type is another, it has no frames, or a library is
-        missing. If the bag is damaged or not complete: after the frames before the damage.
+    The path is its directory, or one of its files: `.mcap`, `.db3`, or either compressed, `.zstd`.
+    BagError if there is no such path or topic, its type is another, it has no frames, or a library
+    is missing; if the bag is damaged or not complete: after the frames before the damage.
     """
     path = Path(path)
     types: dict[str, str] = {}

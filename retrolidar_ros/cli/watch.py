@@ -120,15 +120,15 @@ class Watch:
         while self._tallies[1].time_s <= now.time_s - _RATE_S:
             self._tallies.popleft()
         then = self._tallies[0]
-        snapshot = Snapshot(
+        return Snapshot(
             port=self._source.port,
             trouble=self._trouble(then, now),
             rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
             frames=now.frames,
             lost=self._monitor.lost,
             damaged=received.unread,
+            **self._zones(now_ns),
         )
-        return self._with_zones(snapshot, self._detector, now_ns) if self._detector else snapshot
 
     def _trouble(self, then: _Tally, now: _Tally) -> str:
         """Return what is wrong since `then`."""
@@ -142,40 +142,38 @@ class Watch:
         hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)
         return str(hint or '')
 
-    def _with_zones(
-        self, snapshot: Snapshot, detector: LikelihoodDetector, now_ns: int
-    ) -> Snapshot:
+    def _zones(self, now_ns: int) -> dict[str, Any]:
+        """Return zones, bits and readings, as fields of a snapshot."""
+        if self._detector is None:
+            return {}
         newest = self._monitor.newest[-1]
         since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
         recent = [frame for frame in self._monitor.newest if frame.stamp_ns > since_ns]
         if len(recent) < 2:
-            return snapshot
+            return {}
         samples = Samples.of(Recording.of(recent))
         law = noise_of(self._values).lit(np.median(newest.ambient))
         blinking = modulation_db(samples, law)
+        zone = self._shown_zone
         if self._fixed_zone is None:
             strongest = int(blinking.argmax())
             if blinking[strongest] < BLINKING_DB:
-                self._shown_zone = None
-            elif (
-                self._shown_zone is None
-                or blinking[strongest] > blinking[self._shown_zone] + _MORE_DB
-            ):
-                self._shown_zone = strongest
-        zone = self._shown_zone
+                zone = None
+            elif zone is None or blinking[strongest] > blinking[zone] + _MORE_DB:
+                zone = strongest
+        self._shown_zone = zone
         readings = [
             LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
             for identity, detection in self._last.items()
         ]
-        return replace(
-            snapshot,
-            frame=newest,
-            modulation_db=blinking,
-            zone=zone,
-            bits=None if zone is None else newest_bits(samples, zone, self._bit_s),
-            readings=readings,
-            rejected=detector.counts.rejected,
-        )
+        return {
+            'frame': newest,
+            'modulation_db': blinking,
+            'zone': zone,
+            'bits': None if zone is None else newest_bits(samples, zone, self._bit_s),
+            'readings': readings,
+            'rejected': self._detector.counts.rejected,
+        }
 
 
 def add_command(subparsers: Subparsers) -> None:

@@ -50,21 +50,11 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
 
 
 def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.int64], int]:
-    """Choose usable IDs that are far apart, each also from its own shifts.
+    """Choose 1 to 4094 usable IDs that are far apart, each also from its own shifts.
 
-    Parameters
-    ----------
-    count : int
-        How many, 1..4094.
-    min_distance : int, optional
-        The smallest distance allowed, 1..31 bits; default: the largest at which so many are found.
-
-    Returns
-    -------
-    ids : array of int64, shape (count,)
-        In the order of choice; ValueError if so many are not found, or a number is out of range.
-    distance : int
-        The smallest distance among them.
+    The smallest distance allowed is 1 to 31 bits, by default the largest at which so many are
+    found. Returns the IDs in the order of choice, shape (count,), and their smallest distance.
+    ValueError if a number is out of range, or so many are not found.
     """
     if not 1 <= count <= len(USABLE_IDS):
         raise ValueError(f'{count} IDs cannot be chosen: ask for 1 to {len(USABLE_IDS)}')

@@ -43,7 +43,10 @@ class DetectorNode(Node):
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
         self._values = parameters.values
-        _check_child_frame(self._values)
+        child_frame = self._values['frame_prefix'] + self._values['child_frame']
+        self._values['child_frame'] = check_frame_id('child_frame', child_frame)
+        if child_frame.count(NAME) != 1:
+            raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
         self._known = known_markers(self._values)
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._health = DetectorHealth(ZoneGrid())
@@ -148,11 +151,3 @@ class DetectorNode(Node):
                 self._warned.add(kind)
                 self.get_logger().warning(text)
         return health
-
-
-def _check_child_frame(values: dict[str, Any]) -> None:
-    """Put the prefix before `child_frame`; ValueError if TF refuses it, or no marker is named."""
-    child_frame = values['frame_prefix'] + values['child_frame']
-    values['child_frame'] = check_frame_id('child_frame', child_frame)
-    if child_frame.count(NAME) != 1:
-        raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')

@@ -50,7 +50,10 @@ class HeartbeatNode(Node):
         name = message.child_frame_id.removeprefix(self._prefix)
         now_s = self._now_s()
         if name in self._hearts and now_s:
-            self._hearts[name].beat(now_s, _unseen_s(message))
+            unseen_s = 0.0
+            if isinstance(message, MarkerTrack):
+                unseen_s = 1e-9 * (to_ns(message.header.stamp) - to_ns(message.last))
+            self._hearts[name].beat(now_s, max(unseen_s, 0.0))
             self._tick()
 
     def _tick(self) -> None:
@@ -89,10 +92,3 @@ class HeartbeatNode(Node):
         elif not self._is_alive:
             problems.append((WARN, 'not all markers have been read yet'))
         return Health(problems, values, 'all markers are read')
-
-
-def _unseen_s(message: Marked) -> float:
-    """Return for how long a marker was unseen at the stamp of its message [s]."""
-    if isinstance(message, MarkerTrack):
-        return max(1e-9 * (to_ns(message.header.stamp) - to_ns(message.last)), 0.0)
-    return 0.0

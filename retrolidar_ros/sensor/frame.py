@@ -33,19 +33,9 @@ _MIN_PERIOD_NS = 1_000_000
 def valid_samples(
     signal: Floats, distance: Floats, status: NDArray[np.uint8]
 ) -> tuple[NDArray[np.bool_], int]:
-    """Return which samples are valid; the others are erasures.
+    """Return which samples (...) are valid, and how many have a valid status but impossible values.
 
-    Parameters
-    ----------
-    signal, distance, status : array, shape (...)
-        As in a `Frame`.
-
-    Returns
-    -------
-    valid : array of bool, shape (...)
-        Of a normal status and with possible values.
-    impossible : int
-        How many have a normal status and impossible values.
+    The others are erasures.
     """
     normal: NDArray[np.bool_] = IS_NORMAL[status]
     # Comparisons with NaN are false: a NaN signal is an erasure, a NaN distance is no target.

@@ -109,13 +109,9 @@ class SerialSource:
     ) -> None:
         """Read until `stop` is set, which ends the reading within its timeout.
 
-        Parameters
-        ----------
-        take : callable
-            Gets the frames of each read, and the time [ns] at which it returned.
-        report : callable
-            Gets a line whenever the port opens, a sensor says who it is, or there is a new reason
-            why the port cannot be read; that it was lost, only if `stop` is not set soon after.
+        `take` gets the frames of each read, and the time [ns] at which it returned. `report` gets a
+        line whenever the port opens, a sensor says who it is, or there is a new reason why the port
+        cannot be read; that it was lost, only if `stop` is not set soon after.
         """
         while not stop.is_set():
             try:

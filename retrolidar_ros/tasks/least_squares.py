@@ -33,20 +33,10 @@ class Problem:
         prior: Prior | None = None,
         place_variance: Mapping[int, Floats] | None = None,
     ) -> None:
-        """State the problem.
+        """State the problem of one or more readings, whose pose may have a prior.
 
-        Parameters
-        ----------
-        markers : mapping of int to array, shape (3,)
-            Where each is on the object [m].
-        readings : sequence of Reading
-            At least one, of these markers.
-        errors : Errors
-            The errors that they share.
-        prior : Prior or None
-            Of the pose of the object.
-        place_variance : mapping of int to array, shape (3, 3), or None
-            Of the markers' places on the object [m²]; None: they are exact.
+        `markers` says where each is on the object, shape (3,) [m], and `place_variance` how
+        uncertain that is, shape (3, 3) [m²]; without it, places are exact.
         """
         self.seen = Readings(readings, errors)
         self.errors = errors

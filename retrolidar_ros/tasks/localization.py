@@ -44,16 +44,8 @@ def room_of(
 ) -> Landmark:
     """Return a room as one landmark; ValueError if fewer than three markers are known.
 
-    Parameters
-    ----------
-    known : mapping of str to Prior
-        Where objects are in the room, by name.
-    objects : mapping of str to mapping of int to array, shape (3,)
-        The markers of each, with their places on it [m].
-    errors : Errors
-        What readings share.
-    flat : bool
-        The robot's frame is level and at the height of the room's, as on a floor.
+    Objects are known by name, and their markers with places on them, shape (3,) [m]. If it is flat,
+    the robot's frame is level and at the height of the room's.
     """
     places, variances = {}, {}
     for name, prior in known.items():

@@ -115,21 +115,11 @@ def best_place(
     reach_m: float,
     heights_m: tuple[float, float] = (-math.inf, math.inf),
 ) -> Floats | None:
-    """Return the place from which one more reading of each landmark helps most.
+    """Return the place from which one more reading of each landmark leaves least mean square error.
 
-    It is the one that leaves the smallest mean squared error. Across the line of sight ranges from
-    there tell the direction; nearer, they are more exact, too.
-
-    Parameters
-    ----------
-    landmarks : sequence of Landmark
-        Those that are not known well enough yet.
-    middle_m : array, shape (3,)
-        In the fixed frame, as the place that is returned; None if no landmark has been read.
-    reach_m : float
-        How far from there the sensor can go in any direction.
-    heights_m : tuple of float
-        Minimum and maximum z that it can go to.
+    Across the line of sight ranges from there tell the direction; nearer, they are more exact, too.
+    It is within `reach_m` of a place, shape (3,) [m], and between two heights, all in the fixed
+    frame; None if no landmark has been read.
     """
     seen = [one for one in landmarks if one.fit is not None and one.members]
     places = _places(middle_m, reach_m, heights_m)
