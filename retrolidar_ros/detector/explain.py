@@ -14,15 +14,7 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.findings import Cause, Finding, listed
 from retrolidar_ros.detector.methods import MAX_PACKETS
 from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
-from retrolidar_ros.detector.trials import (
-    CAPTURED,
-    Trial,
-    best,
-    candidates,
-    every,
-    is_among,
-    trials,
-)
+from retrolidar_ros.detector.trials import CAPTURE, Trial, best, candidates, every, is_among, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Floats, Recording, frame_period, valid_samples
@@ -152,7 +144,7 @@ class Explanation:
         if zone is not None:
             for trial in trials(self.recording, [bit_s, *self._likely(zone)], self._read_with):
                 again = trial.within(zone.zone)
-                is_another = abs(again.bit_period_s / self._bit_s - 1) > CAPTURED / 2
+                is_another = abs(again.bit_period_s / self._bit_s - 1) > CAPTURE / 2
                 if len(again.detections) > len(own) and is_another:
                     return _bit_period(zone, again, self._bit_s)
         few = Finding(Cause.FEW_READ, ids=marker_id, read=read, sent=sent)

@@ -17,14 +17,7 @@ from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.parameters import noise_of, registered
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.marker.known_markers import KnownMarker
-from retrolidar_ros.sensor.frame import (
-    RATE_FRAMES,
-    Frame,
-    Recording,
-    ZoneGrid,
-    frame_period,
-    missing_frames,
-)
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, frame_period, missing_frames
 
 _KEPT = 320  # a packet with nine frames a bit
 _MIN_KEPT = 128
@@ -32,6 +25,7 @@ _CLEARLY_DB = 6.0  # below this, something that moves far away, or noise, may be
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 1.5
+_RATE_FRAMES = 33  # whose median interval is taken for the frame period
 _PAUSE_NS = 1_000_000_000  # without frames: what came before it is left out
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
@@ -94,9 +88,9 @@ class FrameMonitor:
 
     def rate(self, bit_period_s: float) -> Finding | None:
         """Return that a bit does not last one to eight of the newest frames, if it does not."""
-        if len(self.newest) < RATE_FRAMES:
+        if len(self.newest) < _RATE_FRAMES:
             return None
-        frame_s = frame_period(Recording.of(list(self.newest)[-RATE_FRAMES:]))
+        frame_s = frame_period(Recording.of(list(self.newest)[-_RATE_FRAMES:]))
         return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or clocks stand still
 
     def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:

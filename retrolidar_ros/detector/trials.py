@@ -19,7 +19,7 @@ from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Recording
 
 Read = Callable[[Recording, float], list[Detection]]  # reads a recording with a bit period [s]
-CAPTURED = 0.02  # relative error of a bit period that a detector makes up for
+CAPTURE = 0.02  # relative error of a bit period that a detector makes up for
 # Frames a bit, 5 % apart, nearest to two first.
 _GRID = sorted(np.geomspace(1.0, 9.0, 46).tolist(), key=lambda frames: abs(np.log2(frames / 2)))
 _SURE = 0.4  # of a recording
@@ -99,4 +99,4 @@ def trials(
 
 def is_among(bit_s: float, others: list[float]) -> bool:
     """Return whether a bit period [s] is captured by a detector of one of the others."""
-    return any(abs(bit_s / one - 1) < CAPTURED for one in others)
+    return any(abs(bit_s / one - 1) < CAPTURE for one in others)

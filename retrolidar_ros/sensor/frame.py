@@ -23,7 +23,6 @@ from retrolidar_ros.sensor.model import VL53L8CX
 Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 
 IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), VL53L8CX.valid)  # by status
-RATE_FRAMES = 33  # number of frames whose median interval is taken for the frame period
 _COUNTER = 2**32
 FRAMES_A_BIT = (0.95, 9.0)  # how many frames a bit lasts at least and at most, if it is to be read
 _JUDGED_FRAMES = 10

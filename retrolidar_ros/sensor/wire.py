@@ -100,7 +100,7 @@ def _decode_frame(content: bytes) -> Frame:
     """Return the frame in a packet's content, checksum removed; ValueError for a wrong shape."""
     if len(content) < _HEADER.size:
         raise ValueError(f'a frame of {len(content)} bytes has no whole header')
-    _, sequence, sensor_time_us, rows, columns = _HEADER.unpack_from(content)
+    _, sequence, time_us, rows, columns = _HEADER.unpack_from(content)
     expected = _HEADER.size + rows * columns * _ZONE.itemsize
     grid = GRIDS.get((rows, columns))
     if grid is None or len(content) != expected:
@@ -115,16 +115,7 @@ def _decode_frame(content: bytes) -> Frame:
         ffi.from_buffer('uint8_t[]', status),
     )
     distance, signal, ambient = values
-    return Frame(
-        stamp_ns=sensor_time_us * 1000,
-        sequence=sequence,
-        sensor_time_us=sensor_time_us,
-        grid=grid,
-        distance=distance,
-        signal=signal,
-        ambient=ambient,
-        status=status,
-    )
+    return Frame(time_us * 1000, sequence, time_us, grid, distance, signal, ambient, status)
 
 
 @dataclass
