@@ -31,7 +31,7 @@ from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db, newest_bits
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.parameters import detector_of, known_markers, noise_of
+from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -62,7 +62,7 @@ class Watch:
         """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
         self._source = source
         self._fixed_zone, self._shown_zone = zone, zone
-        self._values, self._known = values, known_markers(values)
+        self._settings = DetectorSettings(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
         self._detector: LikelihoodDetector | None = None
@@ -91,9 +91,9 @@ class Watch:
                 f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
                 f'0 to {grid.zones - 1}'
             )
-        detector = detector_of(self._values, grid, self._known)
+        detector = self._settings.detector(grid)
         if not isinstance(detector, LikelihoodDetector):
-            raise ValueError(f'--method {self._values["method"]}: watch shows joint only')
+            raise ValueError(f'--method {self._settings.values["method"]}: watch shows joint only')
         self._detector, self._shown_zone = detector, self._fixed_zone
         self._monitor.restart(grid)
 
@@ -139,7 +139,7 @@ class Watch:
             return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
         if now.restarts - then.restarts > 1:
             return "the sensor's clock jumps again and again; are its times in microseconds?"
-        hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._values, self._known)
+        hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._settings)
         return str(hint or '')
 
     def _zones(self, now_ns: int) -> dict[str, Any]:
@@ -152,7 +152,7 @@ class Watch:
         if len(recent) < 2:
             return {}
         samples = Samples.of(Recording.of(recent))
-        law = noise_of(self._values).lit(np.median(newest.ambient))
+        law = self._settings.noise.lit(np.median(newest.ambient))
         blinking = modulation_db(samples, law)
         zone = self._shown_zone
         if self._fixed_zone is None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,9 @@ from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, Sam
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.findings import Cause, Finding, listed
 from retrolidar_ros.detector.methods import MAX_PACKETS
-from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
+from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.detector.trials import CAPTURE, Trial, best, candidates, every, is_among, trials
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Floats, Recording, frame_period, valid_samples
 from retrolidar_ros.sensor.model import NoiseLaw, Status
 
@@ -39,18 +38,17 @@ class Explanation:
     def __init__(
         self,
         recording: Recording,
-        values: Mapping[str, Any],
-        known: Mapping[int, KnownMarker],
+        settings: DetectorSettings,
         detections: Iterable[Detection] = (),
         withheld: int = 0,
     ) -> None:
         """Take two frames or more, and what was read of them, or withheld if it was all."""
         self.recording = recording
-        self._values, self._known = values, known
-        self._bit_s = values['bit_period']
+        self._settings = settings
+        self._bit_s = settings.values['bit_period']
         self._frame_s = frame_period(recording)
         self._detections, self._withheld = list(detections), withheld
-        law = noise_of(values).lit(recording.ambient)
+        law = settings.noise.lit(recording.ambient)
         self._noise_scale = _noise_scale(recording, law)
         if self._noise_scale > 1:
             scale = self._noise_scale
@@ -71,7 +69,7 @@ class Explanation:
         found = [rate_finding(self._frame_s, self._bit_s), *map(self._rarely_read, ids)]
         result = [one for one in found if one is not None]
         if self._withheld:
-            required = self._values['min_readings']
+            required = self._settings.values['min_readings']
             result.append(Finding(Cause.WITHHELD, withheld=self._withheld, required=required))
         if not self._detections:
             reasons = self._unregistered() or self._more_packets(0)
@@ -152,7 +150,7 @@ class Explanation:
 
     def _more_packets(self, read: int) -> list[Finding]:
         """Return that a larger max_packets reads more, if it does."""
-        packets = self._values['max_packets']
+        packets = self._settings.values['max_packets']
         if packets == MAX_PACKETS:
             return []
         more = self._read(self.recording, max_packets=MAX_PACKETS)
@@ -162,7 +160,7 @@ class Explanation:
 
     def _unregistered(self) -> list[Finding]:
         """Return which unregistered IDs are seen in zones that are not explained."""
-        if not registered(self._values, self._known):
+        if not self._settings.registered:
             return []
         anyone = self._read(self.recording, registered_ids=[], only_registered=False)
         read = [one for one in anyone if not self._explained.issuperset(one.zones)]
@@ -181,8 +179,7 @@ class Explanation:
 
     def _read(self, recording: Recording, **changes: Any) -> list[Detection]:
         """Read a recording with other values."""
-        detector = detector_of({**self._values, **changes}, recording.grid, self._known)
-        return detector.update_all(recording)
+        return self._settings.changed(**changes).detector(recording.grid).update_all(recording)
 
     def _read_with(self, recording: Recording, bit_s: float) -> list[Detection]:
         return self._read(recording, bit_period=bit_s)

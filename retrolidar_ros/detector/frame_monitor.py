@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,9 +13,8 @@ from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
-from retrolidar_ros.detector.parameters import noise_of, registered
+from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.marker.known_markers import KnownMarker
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, frame_period, missing_frames
 
 _KEPT = 320  # a packet with nine frames a bit
@@ -93,22 +91,20 @@ class FrameMonitor:
         frame_s = frame_period(Recording.of(list(self.newest)[-_RATE_FRAMES:]))
         return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or clocks stand still
 
-    def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
+    def unread(self, settings: DetectorSettings) -> Finding | None:
         """Return why a zone blinks by a clock unread; each call may try one bit period."""
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
         if abs(now_ns - self._looked_ns) >= 1e9 * _LOOKING_S[self._looks >= _HASTY]:
             self._looked_ns = now_ns
-            self._look(now_ns, values, known)
+            self._look(now_ns, settings)
         return self._finding
 
-    def _look(
-        self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
-    ) -> None:
+    def _look(self, now_ns: int, settings: DetectorSettings) -> None:
         """Look for a zone that waits for too long, or try one more bit period in that zone."""
         recording = Recording.of(list(self.newest))
-        law = noise_of(values).lit(recording.ambient)
+        law = settings.noise.lit(recording.ambient)
         quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.
         self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
@@ -120,7 +116,7 @@ class FrameMonitor:
         if self._zone is None:
             if waited_s.max() < _PATIENCE_S:
                 return
-            explanation = Explanation(recording, values, known)
+            explanation = Explanation(recording, settings)
             waiting = (one for one in explanation.zones if waited_s[one.zone] >= _PATIENCE_S)
             zone = next((one for one in waiting if one.is_clocked), None)
             if zone is None:
@@ -130,6 +126,6 @@ class FrameMonitor:
         self._looks += 1
         self._found = next(self._why, self._found)
         has_remedy = self._found is not None and self._found.cause is Cause.BIT_PERIOD
-        is_missed = waited_s[self._zone] >= _PACKETS * PACKET_BITS * values['bit_period']
-        is_expected = not registered(values, known)
+        is_missed = waited_s[self._zone] >= _PACKETS * PACKET_BITS * settings.values['bit_period']
+        is_expected = not settings.registered
         self._finding = self._found if has_remedy or (is_missed and is_expected) else None

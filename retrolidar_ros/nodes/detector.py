@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.parameters import READING, detector_of, known_markers
+from retrolidar_ros.detector.parameters import READING, DetectorSettings
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
@@ -47,12 +47,12 @@ class DetectorNode(Node):
         self._values['child_frame'] = check_frame_id('child_frame', child_frame)
         if child_frame.count(NAME) != 1:
             raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
-        self._known = known_markers(self._values)
+        settings = DetectorSettings(self._values)
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._health = DetectorHealth(ZoneGrid())
-        self._begin(self._values, ZoneGrid())
+        self._begin(settings, ZoneGrid())
         self._sender = sender or TransformSender(self)
-        self._topics = DetectorTopics(self, self._known, self._values, self._sender)
+        self._topics = DetectorTopics(self, settings.known, self._values, self._sender)
         self._frame_id = ''
         self._number: int | None = None
         self._warned: set[str] = set()
@@ -64,18 +64,18 @@ class DetectorNode(Node):
             '' if board else subscribe(self, FrameMsg, 'frames', self._on_frame, FRAME_QOS)
         )
 
-    def _begin(self, values: dict[str, Any], grid: ZoneGrid) -> None:
+    def _begin(self, settings: DetectorSettings, grid: ZoneGrid) -> None:
         """Begin to read frames of a grid; ValueError for impossible values."""
-        self._detector = detector_of(values, grid, self._known)
-        self._agreement = Agreement(values['min_readings'])
-        self._grid = grid
+        self._detector = settings.detector(grid)
+        self._agreement = Agreement(settings.values['min_readings'])
+        self._settings, self._grid = settings, grid
         self._health.restart(grid)
 
     def _change(self, values: dict[str, Any]) -> None:
         """Apply new values; ValueError for impossible ones."""
         with self._lock:
             if any(values[name] != self._values[name] for name in READING):
-                self._begin(values, self._grid)
+                self._begin(self._settings.changed(**values), self._grid)
                 self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
             self._values = values
@@ -105,7 +105,7 @@ class DetectorNode(Node):
                 self._health.foreign += 1
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._frame_id = frame_id
-                self._begin(self._values, frame.grid)
+                self._begin(self._settings, frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
             if self._health.monitor.take(frame, max_lost):
                 self._read(frame, frame_id)
@@ -139,7 +139,7 @@ class DetectorNode(Node):
         publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
         with self._lock:
             counts = self._detector.counts
-            health = self._health.examine(self._values, self._known, counts, publishers)
+            health = self._health.examine(self._settings, counts, publishers)
             health.values['withheld by min_readings'] = str(self._agreement.withheld)
         self._sender.listen()
         if shared := self._sender.problem(self._frame_id):

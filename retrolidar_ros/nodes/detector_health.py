@@ -5,13 +5,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
-from retrolidar_ros.detector.parameters import registered
-from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
+from retrolidar_ros.detector.parameters import DetectorSettings
+from retrolidar_ros.marker.known_markers import frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health
 from retrolidar_ros.sensor.frame import ZoneGrid, stamps_stand
 
@@ -71,20 +69,16 @@ class DetectorHealth:
         }
 
     def examine(
-        self,
-        settings: Mapping[str, Any],
-        known: Mapping[int, KnownMarker],
-        counts: DetectorCounts,
-        publishers: list[str],
+        self, settings: DetectorSettings, counts: DetectorCounts, publishers: list[str]
     ) -> Health:
-        """Judge the time since the last call, by parameters, known markers and counts."""
+        """Judge the time since the last call."""
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}
         self._then = now
         advance_ns, self._examined_ns = self._stamp_ns - self._examined_ns, self._stamp_ns
         frames = max(new['frames'], 1)
         values = {
-            'method': settings['method'],
+            'method': settings.values['method'],
             'processing [ms a frame]': f'{1e3 * self._busy_s / frames:.2f}',
             'age of frames when processed [ms]': f'{1e3 * self._age_s / frames:.1f}',
             'publishers of frames': str(len(publishers)),
@@ -98,10 +92,10 @@ class DetectorHealth:
         }
         self._busy_s = self._age_s = 0.0
         now_s = time.monotonic()
-        for identity in sorted({*known, *registered(settings, known)}):
+        for identity in sorted({*settings.known, *settings.registered}):
             read_s = self._read_s.get(identity)
             age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
-            values[f'since last reading of {frame_of(identity, known)} [s]'] = age
+            values[f'since last reading of {frame_of(identity, settings.known)} [s]'] = age
         # While this process was suspended, it received nothing.
         self._frame_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
         self._examined_s, silence_s = now_s, now_s - self._frame_s
@@ -110,10 +104,10 @@ class DetectorHealth:
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health([(STALE, f'{NO_FRAME} for {silence_s:.0f} s')], values)
         problems = self._disturbances(new, publishers)
-        unread = self.monitor.unread(settings, known)
+        unread = self.monitor.unread(settings)
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
             problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
-        elif rate := self.monitor.rate(settings['bit_period']):
+        elif rate := self.monitor.rate(settings.values['bit_period']):
             problems.append((WARN, str(rate)))
         if unread:
             problems.append((WARN, str(unread)))

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -49,7 +49,7 @@ class DetectorTopics:
     def __init__(
         self,
         node: Node,
-        known: dict[int, KnownMarker],
+        known: Mapping[int, KnownMarker],
         values: dict[str, Any],
         sender: TransformSender,
     ) -> None:

@@ -66,9 +66,9 @@ def room_of(
 def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose | None:
     """Return where the base is in a room, from where both are in the fixed frame.
 
-    Its place is in [m]; its rotation turns its directions into those of the fixed frame. It is None
-    while that is not clear: among one or two markers it can be anywhere on a circle, and ranges of
-    three can have two answers, which no covariance tells well.
+    Of the base, place [m] and rotation into that frame are given. It is None while that is not
+    clear: among one or two markers it can be anywhere on a circle, and ranges of three can have two
+    answers, which no covariance tells well.
     """
     back = room.rotation.T
     arm_m = base_m - room.position_m
