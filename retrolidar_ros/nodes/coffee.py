@@ -19,12 +19,11 @@ from retrolidar_ros.nodes.conversion import (
     to_pose,
     to_pose_msg,
 )
-from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber, TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
 from retrolidar_ros.nodes.run import repeat
-from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.next_view import ViewPlanner

@@ -18,12 +18,12 @@ from std_srvs.srv import Trigger
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
+from retrolidar_ros.nodes.detection_subscriber import TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import repeat
-from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
