@@ -23,13 +23,8 @@ IDS = 1 << ID_BITS
 MAX_CORRECTED_BITS = (int(lib.RL_WORD_DISTANCE) - 1) // 2
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
 
-
-def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:
-    """Expand integers to bits of shape (len(numbers), width), most significant bit first."""
-    return np.unpackbits(np.array(numbers, '>u4')[:, None].view(np.uint8), axis=1)[:, -width:]
-
-
-_PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
+_NUMBERS = np.array([lib.rl_packet(marker_id) for marker_id in range(IDS)], '>u4')
+_PACKETS = np.unpackbits(_NUMBERS[:, None].view(np.uint8), axis=1)[:, -PACKET_BITS:]
 WORDS = _PACKETS[:, -WORD_BITS:]  # the codewords of all IDs, shape (4096, 24)
 PREAMBLE = _PACKETS[0, :-WORD_BITS]
 

@@ -16,14 +16,10 @@ _CROSS: Floats = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)
 
 def matrix_of(quaternion: Floats) -> Floats:
     """Return the rotation matrix, shape (3, 3), of a quaternion of shape (4,)."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    unit = quaternion / np.linalg.norm(quaternion)
+    cross = cross_matrix(unit[:3])
+    matrix: Floats = np.eye(3) + 2 * unit[3] * cross + 2 * cross @ cross
+    return matrix
 
 
 def quaternion_of(matrix: Floats) -> Floats:

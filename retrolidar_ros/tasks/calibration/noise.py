@@ -46,12 +46,8 @@ class Estimate(NamedTuple):
     def text(self, unit: str = '') -> str:
         """Return value ± half of the interval that holds the truth in 95 of 100 cases."""
         half = _NORMAL_95 * self.stddev
-        digits = 6 if half <= 0 else min(max(1 - _magnitude(half), 0), 6)
+        digits = 6 if half <= 0 else min(max(1 - math.floor(math.log10(half)), 0), 6)
         return f'{self.value:.{digits}f} ± {half:.{digits}f}{" " if unit else ""}{unit}'
-
-
-def _magnitude(number: float) -> int:
-    return int(f'{number:e}'.split('e')[1])
 
 
 def estimates(values: Floats, covariance: Floats, chi2: float, freedom: int) -> list[Estimate]:
