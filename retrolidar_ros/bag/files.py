@@ -7,8 +7,6 @@ index, and a last chunk that is cut off and may hold a minute of frames, of whic
 yields nothing: it is read record by record. A cut SQLite file is read to its last whole page.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

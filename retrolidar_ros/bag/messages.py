@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames in serialized messages, compression, and errors of bags."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from importlib import import_module

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags to frames."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path, PurePath

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entry point of the command: handles signals before the slow imports."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

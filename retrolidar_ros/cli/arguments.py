@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values of arguments that several subcommands take."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from functools import partial

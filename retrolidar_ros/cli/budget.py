@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Link, wake-up and battery life to expect of a marker."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimate parameters from a recording."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Print the detections or tracks in a bag."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm that looks from several places: sensor, driver, detector and landmarks, and the truth."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

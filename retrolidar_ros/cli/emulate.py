@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Emulate a sensor that sees a scene."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Choose IDs that are hard to confuse, or check given ones."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `retrolidar` command: its subcommands and its errors."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import os

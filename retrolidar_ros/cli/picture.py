@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture of what was read: the zones with the markers, and each marker's signal and bits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draw the detections in a bag."""
 
-from __future__ import annotations
-
 import argparse
 
 from retrolidar_ros.bag import salvage_frames

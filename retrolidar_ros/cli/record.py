@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record a sensor into a bag, without ROS: the frames that the driver would have published."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import shutil

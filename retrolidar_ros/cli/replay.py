@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publish the frames of a bag as a driver would, without rosbag2."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from contextlib import suppress

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sensor watched in a terminal: from a port, through the detector, onto the screen."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The display of `retrolidar watch`: a snapshot as lines of text."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings count only if others agree with them: a single one may be a false ID."""
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 from collections.abc import Sequence
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Thresholds of the decision, for a budget of false IDs per hour."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

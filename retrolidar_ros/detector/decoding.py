@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A detector that keeps the newest frames, to explain why markers are not read."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of a detector, and its counts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Protocol

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why markers of a recording are not read. Each remedy is tried before it is advised."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

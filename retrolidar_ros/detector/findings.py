@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why markers are not read: causes, and one sentence for each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from enum import Enum
 from typing import Any

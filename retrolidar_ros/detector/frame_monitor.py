@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether frames come as a detector needs them, and whether blinking zones are read."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 

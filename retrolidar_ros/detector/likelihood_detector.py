@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The default detector: the core (`core/src/retrolidar_detector.h`) searches and decides."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The detection methods by name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pose of a marker with covariance, from bearing and range."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

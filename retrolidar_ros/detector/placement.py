@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The place of a reading, as the core computes it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

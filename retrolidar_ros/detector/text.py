@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detections and tracks to stable lines of text."""
 
-from __future__ import annotations
-
 import json
 import math
 

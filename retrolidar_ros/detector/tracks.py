@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracks: the place of every marker that was read, at every frame, as the core follows it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ A marker sleeps, looks for the sensor's light in short regular windows, and is a
 sends packets. Self-discharge, and the capacity left below the least voltage, are not modelled.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS

@@ -7,8 +7,6 @@ A bit 1 is a dark bit: the liquid crystal is driven and blocks the light (paper 
 Words are rows of bits, most significant bit first, in any leading batch shape.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

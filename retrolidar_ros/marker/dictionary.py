@@ -9,8 +9,6 @@ is over all shifts but 0. Codewords and preamble have even weight, so all distan
 distance of 8 three wrong bits can be corrected within the set, at 6 two, at 4 one, at 2 none.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Marker files: names and sizes of the markers that a robot knows."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

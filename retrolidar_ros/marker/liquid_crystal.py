@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Step response of a liquid crystal: exponential (paper §2.2)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias

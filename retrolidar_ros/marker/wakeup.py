@@ -7,8 +7,6 @@ powers add: V² = noise² + light². The light falls with the square of the dist
 with the cosine of the angle. Saturation of the amplifier at close range is not modelled.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

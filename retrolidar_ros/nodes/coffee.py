@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `coffee` node: poses of the objects of a task, until all are placed (paper §7.1)."""
 
-from __future__ import annotations
-
 import re
 from itertools import combinations
 

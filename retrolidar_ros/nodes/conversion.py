@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames and detections to and from ROS messages."""
 
-from __future__ import annotations
-
 from array import array
 from typing import Any, TypeAlias
 

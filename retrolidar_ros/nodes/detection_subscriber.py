@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Subscribes to detections, refuses impossible ones, and makes readings of them by TF."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `detector` node: from `frames` to `markers`, TF and visualization topics."""
 
-from __future__ import annotations
-
 import re
 import time
 from threading import Lock

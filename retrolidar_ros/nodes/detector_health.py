@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of a detector, and its health over the last second."""
 
-from __future__ import annotations
-
 import time
 
 from retrolidar_ros.detector import Detection, DetectorCounts

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The topics of a detector: detections, tracks, their transforms, and standard messages."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Mapping, Sequence

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of a node on `/diagnostics`, once a second."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `driver` node: from the serial port to `frames` and other topics."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of a driver, its health over the last second, and whether its detector lives."""
 
-from __future__ import annotations
-
 import time
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `emulated_arm` node: TF and description of an arm that moves the emulated sensor."""
 
-from __future__ import annotations
-
 import time
 from xml.sax.saxutils import quoteattr
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `heartbeat` node: warns when a marker is overdue, and counts how often it came (§7.2)."""
 
-from __future__ import annotations
-
 from rclpy.node import Node
 from std_msgs.msg import Bool
 

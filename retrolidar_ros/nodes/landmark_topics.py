@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The topics of landmarks: a pose for each, its transform, and shapes of all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from geometry_msgs.msg import PoseWithCovarianceStamped

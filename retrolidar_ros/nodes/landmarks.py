@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `landmarks` node: objects with markers in a fixed frame, or a robot among known ones."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node that collects what driver and detector publish, for the demo and the tests."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics: their names, and qualities that parameters `qos_overrides.TOPIC.…` may change."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from typing import Any

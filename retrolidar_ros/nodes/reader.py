@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `reader`: driver and detector of one sensor, or of many, in one process."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rclpy.node import Node

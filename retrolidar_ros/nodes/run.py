@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The life of a process of nodes: start, spin, end without a traceback."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

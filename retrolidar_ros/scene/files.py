@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scene files, by path or by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from retrolidar_ros.scene.description import Scene, parse_scene

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to expect of a marker before it is built: its link, its waking and its battery."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 from typing import Any

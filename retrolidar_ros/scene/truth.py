@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was read of a scene, set beside the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 

@@ -8,8 +8,6 @@ and Xia, Clock synchronization algorithms for network measurements, INFOCOM 2002
 a constant, the smallest delay that ever occurred.
 """
 
-from __future__ import annotations
-
 WINDOW_S = 60.0  # how far back pairs are kept: long against jitter, short against drifts
 MAX_SKEW = 0.05  # largest relative error of a sensor's clock that is accepted
 # Frames come early only if a clock was set; late also while the transport stalls, but not long.

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identity of a sensor, and commands to it: protocol version 1."""
 
-from __future__ import annotations
-
 from collections import deque
 from enum import Enum
 from struct import Struct

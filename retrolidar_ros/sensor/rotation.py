@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rotations as unit quaternions (x, y, z, w)."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames from a serial port that may be absent, vanish, and come back."""
 
-from __future__ import annotations
-
 import errno
 import os
 import select

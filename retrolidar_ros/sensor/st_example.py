@@ -7,8 +7,6 @@ of a cell, and a table with two lines of cells a row: distance and status, and s
 light once the key `s` has switched these on.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Termination signals: handled once, so that the clean-up is not cut short."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text from files and messages, made fit for a terminal."""
 
-from __future__ import annotations
-
 _MAX_CHARACTERS = 1000
 _DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Paths of the files that ship with the package, from the source tree or where it is installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _PACKAGE = Path(__file__).absolute().parent.parent

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checked parsing of nested mappings whose quantities carry their units: `period: 21 ms`."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping

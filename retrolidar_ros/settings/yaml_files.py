@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML files, with duplicate keys and aliases refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable
 from io import StringIO
 from pathlib import Path

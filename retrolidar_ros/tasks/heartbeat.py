@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detections of one marker as heartbeats: the share of time windows with one (paper §7.2)."""
 
-from __future__ import annotations
-
 import math
 
 WINDOW_S = 10.0  # of the paper's detection rate

@@ -6,8 +6,6 @@ To a robot, the room is an object of several markers: where that is in the robot
 where the robot is in the room.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

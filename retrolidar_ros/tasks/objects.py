@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Objects that a task needs, and whether all of them are placed well enough (paper §7.1)."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple

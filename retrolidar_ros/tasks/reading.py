@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A reading of a marker with the pose of its sensor, and the correlation of errors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pose and motion of an object in the fixed frame: prior and estimate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """All landmarks: data association by name, and readings that wait to be solved."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of landmarks, written such that no map on disk is lost."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Collection, Mapping

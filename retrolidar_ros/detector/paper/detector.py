@@ -32,8 +32,6 @@ Several zones
     placed in the zone with the largest modulation; one that ends the packet later adds nothing.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stages of the paper's method: silent level, start of a preamble, bits and their fit."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

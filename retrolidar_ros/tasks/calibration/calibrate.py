@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The markers of a recording, without known bit periods, and all that it calibrates."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from dataclasses import dataclass, replace

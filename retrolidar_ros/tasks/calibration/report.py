@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: parameters, plain sentences, and what to record next."""
 
-from __future__ import annotations
-
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
