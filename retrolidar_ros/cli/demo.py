@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from retrolidar_ros.cli.arguments import Subparsers, output_path
+from retrolidar_ros.cli.arguments import output_path
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
@@ -20,6 +20,7 @@ from retrolidar_ros.scene.files import find_scene, load_scene
 from retrolidar_ros.scene.truth import MAX_RANGE_ERROR_M, judge, table
 from retrolidar_ros.settings.resources import shared_file
 
+HELP = 'run emulated sensor, driver and detector, and compare with the truth'
 if TYPE_CHECKING:
     from retrolidar_ros.nodes.listener import Listener
 
@@ -36,18 +37,14 @@ _TAKEN = (
 )
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar demo`."""
-    command = subparsers.add_parser(
-        'demo', help='run emulated sensor, driver and detector, and compare with the truth'
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     command.add_argument(
         'scene', nargs='?', default='coffee', help='name or file (default: coffee)'
     )
     command.add_argument(
         '-o', '--output', type=output_path, help='picture (default: demo_SCENE.png)'
     )
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

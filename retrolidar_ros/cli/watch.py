@@ -17,7 +17,6 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 
 from retrolidar_ros.cli.arguments import (
-    Subparsers,
     add_detector_options,
     add_port,
     detector_values,
@@ -37,6 +36,11 @@ from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource, in_back
 from retrolidar_ros.sensor.wire import WireCounts
 from retrolidar_ros.settings.interrupts import interrupted_once
 
+HELP = 'show zones, bits and markers of a sensor live'
+DESCRIPTION = (
+    'Updates a terminal five times a second, else prints a line a second. End with Ctrl-C. Exit '
+    'code 1 if a duration ends without any frame.'
+)
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
 _KEPT_BITS = PACKET_BITS + 3  # a packet whose end may be anywhere
 _RATE_S = 2.0  # over which frames are counted for their rate
@@ -174,14 +178,8 @@ class Watch:
         }
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar watch`."""
-    command = subparsers.add_parser(
-        'watch',
-        help='show zones, bits and markers of a sensor live',
-        description='Updates a terminal five times a second, else prints a line a second. End with '
-        'Ctrl-C. Exit code 1 if a duration ends without any frame.',
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_port(command)
     command.add_argument(
         '--zone',
@@ -191,7 +189,6 @@ def add_command(subparsers: Subparsers) -> None:
     )
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
     add_detector_options(command)
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
