@@ -81,7 +81,7 @@ def executable(node: str) -> str:
 def running_nodes(
     listener: Listener, landmarks: Sequence[str] = ()
 ) -> Iterator[tuple[ProcessGroup, Path]]:
-    """Yield driver, detector, and with its options `landmarks`, and the port where they wait."""
+    """Yield the running nodes, `landmarks` if it has options, and the port where they wait."""
     with (
         TemporaryDirectory(prefix='retrolidar_') as directory,
         ProcessGroup(Path(directory)) as processes,

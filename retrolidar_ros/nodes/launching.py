@@ -92,7 +92,8 @@ def launch_description(
     ]
 
     def checked(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        _check_markers(context, 'detector')
+        # ValueError if the file cannot be used.
+        known_markers({'marker_file': parameter(context, 'detector', 'marker_file')})
         return start(context)
 
     return LaunchDescription([*declared_arguments, OpaqueFunction(function=checked)])
@@ -162,18 +163,13 @@ def parameter(context: LaunchContext, kind: str, name: str) -> Any:
     return found
 
 
-def _check_markers(context: LaunchContext, kind: str) -> None:
-    """Raise ValueError if the marker file of a node cannot be used."""
-    known_markers({'marker_file': parameter(context, kind, 'marker_file')})
-
-
 def node(
     context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
 ) -> Node:
     """Return a node of the package, with parameters that go before those of the file."""
     parameters = dict(parameters)
     if 'marker_file' in declared()[executable]:
-        _check_markers(context, executable)
+        known_markers({'marker_file': parameter(context, executable, 'marker_file')})
     level = value(context, 'log_level')
     if level.rpartition(':=')[2].lower() not in _LEVELS:
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')

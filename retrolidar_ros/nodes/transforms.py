@@ -44,7 +44,7 @@ class TransformFinder:
         return dict(_PARENT.findall(self._buffer.all_frames_as_yaml()))
 
     def find(self, target: str, source: str, stamp: Time) -> tuple[Floats, Floats] | None:
-        """Return translation [m] and rotation matrix, None if not known for this time or yet."""
+        """Return translation [m] and rotation matrix at a time; None if not known, or not yet."""
         if target == source:
             return np.zeros(3), np.eye(3)
         if not self._buffer.can_transform(target, source, stamp):

@@ -60,21 +60,19 @@ def explain(error: OSError, port: str) -> str:
     if error.errno == errno.ENOENT:
         return f'{port} does not exist; is the sensor plugged in?'
     if error.errno == errno.EACCES:
-        return f'no permission to open {port}; {_remedy(port)}'
+        try:
+            group = Path(port).group()
+        except (OSError, KeyError):  # gone by now, or of a group that has no name
+            group = 'dialout'
+        return (
+            f'no permission to open {port}; it belongs to the group {group}: '
+            f'sudo usermod -aG {group} $USER, and log in again'
+        )
     if error.errno in (errno.EBUSY, errno.EAGAIN):
         return f'{port} is in use by another program'
     if error.errno in (errno.ENOTTY, errno.EISDIR):
         return f'{port} is not a serial port'
     return f'{port}: {error}'
-
-
-def _remedy(port: str) -> str:
-    """Say how to get the permission to open a port."""
-    try:
-        group = Path(port).group()
-    except (OSError, KeyError):  # gone by now, or of a group that has no name
-        group = 'dialout'
-    return f'it belongs to the group {group}: sudo usermod -aG {group} $USER, and log in again'
 
 
 class SerialSource:

@@ -141,30 +141,26 @@ class Landmark:
 
     def estimate(self) -> Estimate | None:
         """Return where the landmark is; None until readings agree, or it was known before."""
-        if self._estimate is None and self.fit is not None and self._is_initialised:
-            self._estimate = self._estimate_of(self.fit)
+        fit = self.fit
+        if self._estimate is None and fit is not None and self._is_initialised:
+            places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
+            apart = np.linalg.norm(places[:, None] - places, axis=-1)
+            covariance = fit.covariance[:6, :6].copy()
+            if len(self._markers) == 1:
+                covariance[3:, 3:] = np.eye(3) * TURN_VARIANCE
+            self._estimate = Estimate(
+                name=self.name,
+                stamp_s=fit.stamp_s,
+                position_m=fit.state.position_m,
+                rotation=fit.state.rotation,
+                velocity=fit.state.velocity,
+                covariance=covariance,
+                readings=len(self.members),
+                baseline_m=float(apart.max(initial=0.0)),
+                rejected=self.rejected,
+                moved_s=self.moved_s,
+            )
         return self._estimate
-
-    def _estimate_of(self, fit: Fit) -> Estimate:
-        state = fit.state
-        places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
-        apart = np.linalg.norm(places[:, None] - places, axis=-1)
-        covariance = fit.covariance[:6, :6]
-        if len(self._markers) == 1:
-            covariance = covariance.copy()
-            covariance[3:, 3:] = np.eye(3) * TURN_VARIANCE
-        return Estimate(
-            name=self.name,
-            stamp_s=fit.stamp_s,
-            position_m=state.position_m,
-            rotation=state.rotation,
-            velocity=state.velocity,
-            covariance=covariance,
-            readings=len(self.members),
-            baseline_m=float(apart.max(initial=0.0)),
-            rejected=self.rejected,
-            moved_s=self.moved_s,
-        )
 
     def spread_with(self, readings: Sequence[Reading]) -> Floats:
         """Return the covariance of the position with further ranges, shape (3, 3) [m²]."""
