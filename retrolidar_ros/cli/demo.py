@@ -20,10 +20,10 @@ from retrolidar_ros.scene.files import find_scene, load_scene
 from retrolidar_ros.scene.truth import MAX_RANGE_ERROR_M, judge, table
 from retrolidar_ros.settings.resources import shared_file
 
-HELP = 'run emulated sensor, driver and detector, and compare with the truth'
 if TYPE_CHECKING:
     from retrolidar_ros.nodes.listener import Listener
 
+HELP = 'run emulated sensor, driver and detector, and compare with the truth'
 NAMESPACE = '/retrolidar'
 COMMON = (
     *('--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))),

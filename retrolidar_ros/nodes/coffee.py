@@ -88,26 +88,22 @@ class CoffeeNode(Node):
     def _on_detection(self, message: Marked) -> None:
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._poses:
-            pose = from_pose(message.pose.pose)
             covariance = covariance_of(message.pose)
-            self._publish(name, message.header, *pose, covariance)
+            self._publish(name, message.header, *from_pose(message.pose.pose), covariance)
             self._tick()
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
         name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
             return
-        estimate = self._survey.take(name, reading).estimate()
-        if estimate is not None:
-            header = Header(stamp=message.header.stamp, frame_id=self._target)
-            state = estimate.position_m, estimate.rotation
-            self._publish(name, header, *state, estimate.covariance)
+        header = Header(stamp=message.header.stamp, frame_id=self._target)
+        if (one := self._survey.take(name, reading).estimate()) is not None:
+            self._publish(name, header, one.position_m, one.rotation, one.covariance)
         missing = {one: self._survey.landmarks.get(one) for one in self._missing_now()}
         before = self._planner.view
         self._planner.take(reading, name, missing)
         if (view := self._planner.view) is not None and view is not before:
             pose = to_pose(view.position_m, quaternion_of(view.rotation))
-            header = Header(stamp=message.header.stamp, frame_id=self._target)
             self._next_view.publish(PoseStamped(header=header, pose=pose))
         self._tick()
 

@@ -84,9 +84,7 @@ class DetectorHealth:
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
             **{name: str(number) for name, number in now.items()},
-            **{
-                f'rejected: {name}': str(number) for name, number in sorted(counts.rejected.items())
-            },
+            **{f'rejected: {name}': str(one) for name, one in sorted(counts.rejected.items())},
         }
         self._busy_s = self._age_s = 0.0
         now_s = time.monotonic()
@@ -121,19 +119,15 @@ class DetectorHealth:
             problems.append((ERROR, text))
         elif lost := new['lost frames']:
             text = (
-                f'{lost} frames were lost between driver and detector, {self.monitor.lost} in '
-                'all: this host is too slow, or the network'
+                f'{lost} frames were lost between driver and detector, {self.monitor.lost} in all'
             )
-            problems.append((WARN, text))
+            problems.append((WARN, f'{text}: this host is too slow, or the network'))
         elif unsent := new['frames not sent']:
             text = f'{unsent} frames were not sent: lost before the driver, or it was not active'
             problems.append((WARN, text))
         if dropped := new['dropped frames']:
             problems.append((ERROR, f'{dropped} frames cannot be used: {self._reason}'))
         if (overloads := new['overloads']) >= _OVERLOADED:
-            text = (
-                f'search overloaded in {overloads} frames: more candidates than the limit; reduce '
-                'max_packets'
-            )
-            problems.append((WARN, text))
+            text = f'search overloaded in {overloads} frames: more candidates than the limit'
+            problems.append((WARN, f'{text}; reduce max_packets'))
         return problems

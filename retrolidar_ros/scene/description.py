@@ -177,8 +177,7 @@ class Marker:
     position_m: Annotated[Triple, place()] = (math.nan, math.nan, math.nan)
     """In the optical frame: x right, y down, z forward; of one on a path where it begins."""
     name: Annotated[str, text] = ''  # if none is given, that of its ID
-    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
-    """Edge of the square retroreflector."""
+    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M  # edge of its square
     yaw_rad: Angle = 0.0
     bit_period_s: Period = BIT_PERIOD_S
     clock_error: ClockError = 0.0  # of the bit period

@@ -35,9 +35,8 @@ class Parameter(NamedTuple):
         assert found, comment
         description, low, high, among, live = found.groups()
         limits = (float(low), float(high)) if low else None
-        return cls(
-            default, description, limits, tuple(among.split(', ')) if among else (), bool(live)
-        )
+        allowed = tuple(among.split(', ')) if among else ()
+        return cls(default, description, limits, allowed, bool(live))
 
     def summary(self) -> str:
         """Return the first sentence of the description."""
