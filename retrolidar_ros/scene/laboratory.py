@@ -1,15 +1,14 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What happens to sensors in labs: they move, hands pass, glass and other sensors throw light."""
+"""What happens to sensors in labs: they move, hands pass, and there is much light."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.scene.description import NEAREST_M, MovingSurface, SecondSensor, Sensor, Surface
+from retrolidar_ros.scene.description import NEAREST_M, MovingSurface, Sensor, Surface
 from retrolidar_ros.scene.optics import along, zone_shares
-from retrolidar_ros.scene.transmission import recurring_share
 from retrolidar_ros.sensor.frame import Floats
 
 
@@ -79,12 +78,3 @@ def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
     Measurement*, ch. 4).
     """
     return signal / (1 + (signal + ambient) / limit)
-
-
-def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> Floats:
-    """Return by how much another sensor raises the ambient light of exposures [kcps/SPAD].
-
-    Its pulses are not in step with this sensor's, so they count while it sends as ambient light
-    does.
-    """
-    return second.ambient * recurring_share(second.period_s, second.lasting_s, middle_s, exposure_s)

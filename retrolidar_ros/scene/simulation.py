@@ -21,7 +21,12 @@ from retrolidar_ros.scene.description import (
     Surface,
 )
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
+from retrolidar_ros.scene.transmission import (
+    Transmission,
+    exposure_edges,
+    recurring_share,
+    visible_share,
+)
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 
@@ -74,8 +79,10 @@ class Simulation:
         signals, distances = _seen_in_each_zone(*self.targets(middle_s))
         signal, distance, merged = _reported_pulse(signals, distances)
         ambient: Floats = np.full((len(middle_s), 1), scene.ambient)
-        if sensor.second_sensor is not None:
-            ambient += lab.second_light(sensor.second_sensor, middle_s, self.period_s)[:, None]
+        if (second := sensor.second_sensor) is not None:
+            # Its pulses are not in step with this sensor's, so they count as ambient light does.
+            share = recurring_share(second.period_s, second.lasting_s, middle_s, self.period_s)
+            ambient += second.ambient * share[:, None]
         if sensor.saturation < math.inf:
             signal = lab.saturated(signal, ambient, sensor.saturation)
         if sensor.ranging is not None and sensor.ranging.offset:
