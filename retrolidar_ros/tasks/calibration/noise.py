@@ -50,12 +50,6 @@ class Estimate(NamedTuple):
         return f'{self.value:.{digits}f} ± {half:.{digits}f}{" " if unit else ""}{unit}'
 
 
-def estimates(values: Floats, covariance: Floats, chi2: float, freedom: int) -> list[Estimate]:
-    """Return values with standard deviations, raised by the reduced chi-square if above 1."""
-    deviations = np.sqrt(np.diag(covariance) * max(chi2 / max(freedom, 1), 1.0))
-    return [Estimate(*one) for one in zip(values.tolist(), deviations.tolist(), strict=True)]
-
-
 def weighted_mean(values: Floats, stddev: Floats) -> Estimate:
     """Return the weighted mean of values (n,), with its uncertainty raised if they disagree."""
     weight = stddev**-2
@@ -171,12 +165,13 @@ def _fitted(blocks: list[Block], zones: list[int]) -> NoiseFound:
 
 
 def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
-    """Return the coefficients of a law."""
+    """Return the coefficients of a law; a reduced chi-square above 1 raises their deviations."""
     expected = np.full_like(variance, variance.mean())
     for _ in range(_ROUNDS):
         weight = freedom / (2 * expected**2)
         covariance = np.linalg.pinv((design.T * weight) @ design)
         value = covariance @ (design.T @ (weight * variance))
         expected = np.maximum(design @ value, 1e-3 * variance.mean())
-    left = float(weight @ (variance - expected) ** 2)
-    return estimates(value, covariance, left, len(variance) - len(value))
+    chi2 = float(weight @ (variance - expected) ** 2) / max(len(variance) - len(value), 1)
+    deviations = np.sqrt(np.diag(covariance) * max(chi2, 1.0))
+    return [Estimate(*one) for one in zip(value.tolist(), deviations.tolist(), strict=True)]
