@@ -18,8 +18,7 @@ from retrolidar_ros.detector.placement import core_sensor
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / 'core' / 'src'

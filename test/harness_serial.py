@@ -10,8 +10,7 @@ from threading import Event, Thread
 import serial
 
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.protocols import Reader
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.serial_source import Reader, SerialSource
 
 
 class Reading:

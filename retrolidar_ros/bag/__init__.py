@@ -1,11 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames to and from rosbag2 bags, without ROS.
-
-Bags are written with the `rosbags` library. They are read without it: on machines that do not
-have it, and up to the damage in a recording that a power cut has cut off. That recovery is why
-the reader is our own.
-"""
+"""Frames to and from rosbag2 bags, without ROS; they are read without `rosbags`, too."""
 
 from retrolidar_ros.bag.messages import FRAME_TYPE, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames, salvage_frames

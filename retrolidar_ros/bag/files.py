@@ -2,13 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages from the MCAP and SQLite files of rosbag2, as far as they are good.
 
-Written here and not taken from a library, so that a recording that a power cut has damaged is
-saved. An MCAP file is read record by record, whatever its index says: a power cut leaves none, and
-it leaves a last chunk that is cut off and may hold a minute of frames, of which the `mcap` library
-yields nothing. A cut SQLite file is read to its last whole page.
+Written here, so that a recording that a power cut has damaged is saved. Such an MCAP file has no
+index, and a last chunk that is cut off and may hold a minute of frames, of which the `mcap` library
+yields nothing: it is read record by record. A cut SQLite file is read to its last whole page.
 """
-
-from __future__ import annotations
 
 import os
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames in serialized messages, compression, and errors of bags."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from importlib import import_module
@@ -27,8 +25,7 @@ class DamageError(Exception):
     """A file is damaged; the frames before the damage are good."""
 
 
-MAX_BYTES = 2**28
-"""Maximum size of an unpacked chunk or message; recorders make chunks of a megabyte or so."""
+MAX_BYTES = 2**28  # of an unpacked chunk or message; recorders make chunks of a megabyte or so
 _MAX_RATIO = 1000  # of the sizes of a file unpacked and packed; that of frames is ten
 _PIECE_BYTES = 2**16
 _ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'

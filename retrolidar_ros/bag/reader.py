@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags to frames."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path, PurePath
@@ -25,21 +23,11 @@ FRAMES_TOPIC = '/retrolidar/frames'
 
 
 def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
-    """Read a bag's frames one after the other, as they were recorded.
+    """Read a bag's frames one after the other, as they were recorded, from an absolute topic.
 
-    Parameters
-    ----------
-    path
-        A bag's directory, or one of its files: `.mcap`, `.db3`, or either compressed, `.zstd`.
-    topic
-        Absolute name of the topic.
-
-    Raises
-    ------
-    BagError
-        If there is no such path or topic, if the topic's type is another, if it has no frames,
-        or if a library is missing. If the bag is damaged or its recording did not end properly:
-        after the frames before the damage.
+    The path is its directory, or one of its files: `.mcap`, `.db3`, or either compressed, `.zstd`.
+    BagError if there is no such path or topic, its type is another, it has no frames, or a library
+    is missing; if the bag is damaged or not complete: after the frames before the damage.
     """
     path = Path(path)
     types: dict[str, str] = {}
@@ -64,13 +52,7 @@ def read_frames(path: str | Path, topic: str = FRAMES_TOPIC) -> Iterator[Frame]:
 def salvage_frames(
     path: str | Path, topic: str = FRAMES_TOPIC
 ) -> tuple[list[Frame], BagError | None]:
-    """Return a bag's frames as far as they are good, and its damage, if any.
-
-    Raises
-    ------
-    BagError
-        If not even one frame can be read.
-    """
+    """Return a bag's good frames and its damage, if any; BagError if not even one is good."""
     frames: list[Frame] = []
     try:
         frames.extend(read_frames(path, topic))

@@ -39,10 +39,7 @@ def _type_store() -> Typestore:
 
 
 class FrameWriter:
-    """Writes frames to a new bag; a context manager.
-
-    Frames written so far are kept when the block ends with an exception.
-    """
+    """Writes frames to a new bag; a context manager, which keeps them if its block fails."""
 
     def __init__(
         self,
@@ -51,16 +48,7 @@ class FrameWriter:
         topic: str = FRAMES_TOPIC,
         frame_id: str = 'retrolidar_optical_frame',
     ) -> None:
-        """Prepare a bag; its directory, and that one's parents, are made on entering the block.
-
-        Messages are in a file of one of the `STORAGES`, with an absolute topic, and the optical
-        frame in their headers.
-
-        Raises
-        ------
-        BagError
-            If the path exists, the storage is unknown, or `rosbags` is not installed.
-        """
+        """Prepare a bag, made on entering the block; BagError if that is not possible."""
         try:
             from rosbags import interfaces, rosbag2
         except ImportError as error:
@@ -111,12 +99,8 @@ class FrameWriter:
     def write(self, frame: Frame, received_ns: int | None = None) -> None:
         """Append a frame; the bag's own timestamp is that of its receipt, or else its stamp.
 
-        Raises
-        ------
-        ValueError
-            If an array has not one value a zone.
-        BagError
-            If a number does not fit the message, or the file cannot be written.
+        ValueError if an array has not one value a zone; BagError if a number does not fit the
+        message, or the file cannot be written.
         """
         frame.check()
         arrays: dict[str, NDArray[Any]] = {

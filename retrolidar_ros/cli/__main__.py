@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Entry point of the command: handles signals before the slow imports."""
 
-from __future__ import annotations
-
 import signal
 import sys
 
 from retrolidar_ros.settings.interrupts import ended_quietly, exit_by
-from retrolidar_ros.settings.printing import missing_library
+
+_DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # of libraries with another name
 
 
 def main() -> int:
@@ -19,7 +18,9 @@ def main() -> int:
         signal.signal(signal.SIGTERM, exit_by)
         return run()
     except ModuleNotFoundError as error:
-        print(missing_library(error), file=sys.stderr)
+        name = str(error.name).partition('.')[0]
+        name = _DISTRIBUTIONS.get(name, name)
+        print(f'retrolidar: a library is missing: pip install {name}', file=sys.stderr)
         return 2
 
 

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values of arguments that several subcommands take."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn
 
 from retrolidar_ros.bag import FRAMES_TOPIC
 from retrolidar_ros.detector.parameters import READING, defaults, load_parameters
@@ -16,9 +14,7 @@ from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.printing import printable
 from retrolidar_ros.settings.section import ConfigError, quantity
 
-Subparsers: TypeAlias = 'argparse._SubParsersAction[argparse.ArgumentParser]'
 _MAX_VALUE = 1e9
-Run = Callable[[argparse.Namespace], int]
 _UNITS = {'bit_period': 'time', 'range_offset': 'length'}
 _METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
@@ -54,8 +50,7 @@ def measured(kind: str, minimum: float, maximum: float) -> Callable[[str], float
     return parsed
 
 
-seconds = measured('time', 1e-3, 1e9)
-"""Parse a duration."""
+seconds = measured('time', 1e-3, 1e9)  # parse a duration
 
 
 def output_path(text: str) -> Path:
@@ -109,7 +104,6 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
 
 
 def _value(name: str, text: str) -> Any:
-    """Parse a parameter."""
     one = declared()['detector'][name]
     kind = type(one.default)
     try:
@@ -139,14 +133,3 @@ def add_bag(command: argparse.ArgumentParser) -> None:
     """Add a bag and a topic in it."""
     command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
     command.add_argument('--topic', default=FRAMES_TOPIC, help='in the bag (default: %(default)s)')
-
-
-def add_bag_command(
-    subparsers: Subparsers, name: str, summary: str, run: Run, description: str = ''
-) -> argparse.ArgumentParser:
-    """Add a subcommand that reads markers in a bag."""
-    command = subparsers.add_parser(name, help=summary, description=description or None)
-    add_bag(command)
-    add_detector_options(command)
-    command.set_defaults(run=run)
-    return command

@@ -2,26 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Link, wake-up and battery life to expect of a marker."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
 from typing import Any
 
-from retrolidar_ros.cli.arguments import Subparsers
 from retrolidar_ros.scene.marker_budget import SENSOR_REACH_M, SNR, budget
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.settings.section import quantity
 
+HELP = 'expected link, wake-up and battery life of a marker'
+DESCRIPTION = 'Quantities carry their units, as in scene files; bare lengths are in metres.'
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar budget`."""
-    command = subparsers.add_parser(
-        'budget',
-        help='expected link, wake-up and battery life of a marker',
-        description='Quantities carry their units, as in scene files; bare lengths are in metres.',
-    )
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     for name, default, what in (
         ('size', '3 cm', 'edge of the retroreflector'),
         ('yaw', '0 deg', "angle between the marker's normal and the line of sight"),
@@ -33,7 +28,6 @@ def add_command(subparsers: Subparsers) -> None:
         '--queries', type=float, default=1.0, help='packets an hour (default: %(default)g)'
     )
     command.add_argument('--json', action='store_true', help='one JSON object')
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -54,7 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _text(found: dict[str, Any]) -> str:
-    """Return a budget as lines for the terminal."""
     link, wake_up, battery = found['link'], found['wake_up'], found['battery']
     ratio = 'nothing comes back' if link['snr_db'] is None else f'{link["snr_db"]:.1f} dB'
     reach = f'up to {wake_up["range_m"]:.2f} m' if wake_up['range_m'] else 'at no distance'

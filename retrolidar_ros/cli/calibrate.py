@@ -2,31 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimate parameters from a recording."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
 import numpy as np
 
 from retrolidar_ros.bag import salvage_frames
-from retrolidar_ros.cli.arguments import Subparsers, add_bag, output_path
+from retrolidar_ros.cli.arguments import add_bag, output_path
 from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.settings.section import quantity
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.report import missing, parameter_file, sentences
 
+HELP = 'estimate the parameters of a recorded sensor and its markers'
+DESCRIPTION = (
+    'Writes calibration.yaml, a params_file of the nodes and of decode, and calibration.png, the '
+    'noise over the signal. Only what the recording shows is written. '
+    f'Exit code {NOTHING_READ} if no marker is read.'
+)
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar calibrate`."""
-    command = subparsers.add_parser(
-        'calibrate',
-        help='estimate the parameters of a recorded sensor and its markers',
-        description='Writes calibration.yaml, a params_file of the nodes and of decode, and '
-        'calibration.png, the noise over the signal. Only what the recording shows is written. '
-        f'Exit code {NOTHING_READ} if no marker is read.',
-    )
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_bag(command)
     command.add_argument('--distance', help="from sensor to clearest marker, as in '1.2 m'")
     command.add_argument(
@@ -36,7 +34,6 @@ def add_command(subparsers: Subparsers) -> None:
         metavar='DIR',
         help='(default: %(default)s)',
     )
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

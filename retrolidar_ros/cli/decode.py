@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Print the detections or tracks in a bag."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 
 from retrolidar_ros.bag import read_frames
-from retrolidar_ros.cli.arguments import Subparsers, add_bag_command, detector_values
+from retrolidar_ros.cli.arguments import add_bag, add_detector_options, detector_values
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.findings import Finding
 from retrolidar_ros.detector.text import (
@@ -20,19 +18,18 @@ from retrolidar_ros.detector.text import (
     track_to_text,
 )
 
-NOTHING_READ = 3
+NOTHING_READ = 3  # exit code
+HELP = 'read the markers in a bag'
+DESCRIPTION = (
+    'If markers could be read better, standard error says why. '
+    f'Exit code {NOTHING_READ} if nothing is read.'
+)
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar decode`."""
-    command = add_bag_command(
-        subparsers,
-        'decode',
-        'read the markers in a bag',
-        run,
-        'If markers could be read better, standard error says why. '
-        f'Exit code {NOTHING_READ} if nothing is read.',
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    add_bag(command)
+    add_detector_options(command)
     command.add_argument('--json', action='store_true', help='one JSON object a line')
     command.add_argument(
         '--tracks', action='store_true', help='where each marker is at every frame, once it is read'

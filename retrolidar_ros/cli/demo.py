@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from retrolidar_ros.cli.arguments import Subparsers, output_path
+from retrolidar_ros.cli.arguments import output_path
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
@@ -23,32 +23,28 @@ from retrolidar_ros.settings.resources import shared_file
 if TYPE_CHECKING:
     from retrolidar_ros.nodes.listener import Listener
 
+HELP = 'run emulated sensor, driver and detector, and compare with the truth'
 NAMESPACE = '/retrolidar'
 COMMON = (
     *('--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))),
     *('-r', f'__ns:={NAMESPACE}'),
 )
 """Arguments of each node."""
-READINGS = 3
-"""How often each marker must be read before the demo ends."""
+READINGS = 3  # how often each marker must be read before the demo ends
 _PATIENCE_S = 60.0
 _TAKEN = (
     f'another driver publishes {NAMESPACE}/frames; end it, or set ROS_DOMAIN_ID to a free number'
 )
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar demo`."""
-    command = subparsers.add_parser(
-        'demo', help='run emulated sensor, driver and detector, and compare with the truth'
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     command.add_argument(
         'scene', nargs='?', default='coffee', help='name or file (default: coffee)'
     )
     command.add_argument(
         '-o', '--output', type=output_path, help='picture (default: demo_SCENE.png)'
     )
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -85,10 +81,7 @@ def executable(node: str) -> str:
 def running_nodes(
     listener: Listener, landmarks: Sequence[str] = ()
 ) -> Iterator[tuple[ProcessGroup, Path]]:
-    """Yield driver and detector with the shipped parameters, and the port where they wait.
-
-    With options for it, there is a node `landmarks`, too. ProcessError if they do not come.
-    """
+    """Yield the running nodes, `landmarks` if it has options, and the port where they wait."""
     with (
         TemporaryDirectory(prefix='retrolidar_') as directory,
         ProcessGroup(Path(directory)) as processes,

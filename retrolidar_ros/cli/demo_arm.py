@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm that looks from several places: sensor, driver, detector and landmarks, and the truth."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence
@@ -34,12 +32,9 @@ class Known(NamedTuple):
     """The estimate of an object at a time in the scene."""
 
     time_s: float
-    off_mm: float
-    """Size of its error."""
-    stddev_mm: float
-    """Its estimated deviation along the worst axis."""
-    is_inside: bool
-    """Whether the truth is in its 99.9 % ellipsoid."""
+    off_mm: float  # size of its error
+    stddev_mm: float  # its estimated deviation along the worst axis
+    is_inside: bool  # whether the truth is in its 99.9 % ellipsoid
 
     def __str__(self) -> str:
         """Return error and deviation [mm]."""
@@ -50,8 +45,7 @@ class _Hand:
     """Collects the poses of objects, in the frame of the scene."""
 
     def __init__(self, listener: Listener, scene: Scene) -> None:
-        self.zero_ns = 0
-        """When the scene begins; 0 = it does not yet."""
+        self.zero_ns = 0  # when the scene begins; 0 = it does not yet
         self.stays = [
             (np.array(after.position_m), after.time_s)
             for before, after in pairwise(scene.sensor.path)
@@ -76,19 +70,14 @@ class _Hand:
     def _take(self, name: str, truth_m: Floats, message: PoseWithCovarianceStamped) -> None:
         off_m = IN_BASE.T @ vector_of(message.pose.pose.position) - truth_m
         covariance = IN_BASE.T @ covariance_of(message.pose)[:3, :3] @ IN_BASE
-        time_s, off_mm = (
-            self.time_s(to_ns(message.header.stamp)),
-            1e3 * float(np.linalg.norm(off_m)),
-        )
+        time_s = self.time_s(to_ns(message.header.stamp))
+        off_mm = 1e3 * float(np.linalg.norm(off_m))
         is_inside = bool(off_m @ np.linalg.solve(covariance, off_m) < RARE)
         self._known[name].append(Known(time_s, off_mm, 1e3 * largest_stddev(covariance), is_inside))
 
 
 def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
-    """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1.
-
-    The picture shows how the errors shrink.
-    """
+    """Run a scene whose sensor moves; return 0 if all ellipsoids hold in the end, else 1."""
     print(f'{scene.description}\nDriver, detector and landmarks are starting ...', flush=True)
     names = [marker.name for marker in scene.markers]
     hand = _Hand(listener, scene)

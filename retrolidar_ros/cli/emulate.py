@@ -2,27 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Emulate a sensor that sees a scene."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path
 
 from retrolidar_ros.bag import STORAGES
-from retrolidar_ros.cli.arguments import Subparsers, measured, output_path, seconds
+from retrolidar_ros.cli.arguments import measured, output_path, seconds
 from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.emulator import emulate, record
 from retrolidar_ros.scene.files import load_scene, scene_names
 from retrolidar_ros.settings.interrupts import interrupted_once
 
+HELP = 'emulate a sensor that sees a scene'
+DESCRIPTION = 'Without a scene, lists those that ship with the package.'
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar emulate`."""
-    command = subparsers.add_parser(
-        'emulate',
-        help='emulate a sensor that sees a scene',
-        description='Without a scene, lists those that ship with the package.',
-    )
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     command.add_argument('scene', nargs='?', help='name or file')
     where = command.add_mutually_exclusive_group()
     where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
@@ -44,7 +40,6 @@ def add_command(subparsers: Subparsers) -> None:
         type=measured('time', -1e9, 1e9),
         help="the scene's time zero, by this machine's monotonic clock (default: now) [s]",
     )
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

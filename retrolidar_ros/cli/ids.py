@@ -2,14 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Choose IDs that are hard to confuse, or check given ones."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 
-from retrolidar_ros.cli.arguments import Subparsers
 from retrolidar_ros.marker.code import RESERVED_IDS
 from retrolidar_ros.marker.dictionary import SAFE_DISTANCE, choose_ids, confusable_pairs, distances
+
+HELP = 'choose marker IDs that are hard to confuse, or check given ones'
+DESCRIPTION = (
+    'The distance of two IDs is the fewest bits, of 31, in which the packet of one differs from '
+    'that of the other when the reading of a repeating marker starts at any bit. At a distance of '
+    '8, which the Golay code has when read from the first bit, three wrong bits do not turn one '
+    'into the other; at 6 two, at 4 one, at 2 none. An ID has a distance to itself too, read from '
+    'any bit but the first.'
+)
 
 
 def marker_ids(text: str) -> list[int]:
@@ -21,17 +27,8 @@ def marker_ids(text: str) -> list[int]:
         raise argparse.ArgumentTypeError(message) from None
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar ids`."""
-    command = subparsers.add_parser(
-        'ids',
-        help='choose marker IDs that are hard to confuse, or check given ones',
-        description='The distance of two IDs is the fewest bits, of 31, in which the packet of one '
-        'differs from that of the other when the reading of a repeating marker starts at any bit. '
-        'At a distance of 8, which the Golay code has when read from the first bit, three wrong '
-        'bits do not turn one into the other; at 6 two, at 4 one, at 2 none. An ID has a distance '
-        'to itself too, read from any bit but the first.',
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     task = command.add_mutually_exclusive_group(required=True)
     task.add_argument('--count', type=int, metavar='N', help='print so many IDs, one a line')
     task.add_argument(
@@ -46,7 +43,6 @@ def add_command(subparsers: Subparsers) -> None:
         metavar='BITS',
         help='least distance allowed (default: to choose, the largest possible; to check, 8)',
     )
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

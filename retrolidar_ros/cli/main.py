@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `retrolidar` command: its subcommands and its errors."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import os
@@ -30,8 +28,9 @@ from retrolidar_ros.settings.printing import printable
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 
+# Modules, by the names of their commands, with HELP, perhaps a DESCRIPTION, `add_arguments(parser)`
+# and `run(arguments)`, which returns the exit code.
 COMMANDS = (demo, emulate, watch, record, replay, calibrate, decode, plot, ids, budget)
-"""Modules with `add_command(subparsers)`, which sets `run`: from the arguments to the exit code."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -45,8 +44,11 @@ def parser() -> argparse.ArgumentParser:
         '--version', action='version', version=f'retrolidar {version}', help='print it and exit'
     )
     subparsers = whole.add_subparsers(required=True, metavar='COMMAND')
-    for command in COMMANDS:
-        command.add_command(subparsers)
+    for module in COMMANDS:
+        name, description = module.__name__.split('.')[-1], getattr(module, 'DESCRIPTION', None)
+        command = subparsers.add_parser(name, help=module.HELP, description=description)
+        module.add_arguments(command)
+        command.set_defaults(run=module.run)
     return whole
 
 

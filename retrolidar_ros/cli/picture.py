@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture of what was read: the zones with the markers, and each marker's signal and bits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
@@ -37,14 +35,10 @@ class _Shown(NamedTuple):
     """What all parts of the picture show."""
 
     recording: Recording
-    origin_ns: int
-    """Time zero of the picture."""
-    time_s: Floats
-    """Of each frame, shape (frames,)."""
-    ids: dict[int, str]
-    """Colours of markers."""
-    zones: dict[int, str]
-    """Colours of zones of interest."""
+    origin_ns: int  # time zero of the picture
+    time_s: Floats  # of each frame, shape (frames,)
+    ids: dict[int, str]  # colours of markers
+    zones: dict[int, str]  # colours of zones of interest
 
 
 def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
@@ -92,9 +86,7 @@ def _places(
         style = {'markersize': 9, 'markeredgewidth': 2, 'color': colour}
         axes.plot(x[0] / z[0], y[0] / z[0], 'x+'[index % 2], **style)
     if readings and markers:
-        motion = (
-            '; lines: motion' if any(marker.wander or marker.path for marker in markers) else ''
-        )
+        motion = '; lines: motion' if any(one.wander or one.path for one in markers) else ''
         axes.set_title(f'square: marker, cross: read{motion}', fontsize=10)
 
 
@@ -114,11 +106,7 @@ def _signal(
 
 
 def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -> None:
-    """Draw one zone's signal about a reading, and the bits that were read from it.
-
-    A repeating packet may be read from any bit on: those before the recording are known by the
-    packets that follow.
-    """
+    """Draw a zone's signal about a reading, and its bits, those before it as they repeat."""
     bit_s, colour = reading.bit_period_s, shown.ids[reading.id]
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
     begin_s = min(max(start_s - 0.4, 0.0), start_s)
@@ -210,9 +198,7 @@ def plot_readings(
 ) -> None:
     """Write a PNG of a recording, and of the first reading of each marker in it.
 
-    Readings are in order of time. Known `markers` are shown where they really are; where nothing
-    was read, so are zones that blink, the strongest first, or all if none does. A `hint` says what
-    to do about it.
+    Where nothing was read, the zones that blink most are shown, or all; a `hint` says what to do.
     """
     from matplotlib.figure import Figure
 

@@ -2,17 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draw the detections in a bag."""
 
-from __future__ import annotations
-
 import argparse
 
 from retrolidar_ros.bag import salvage_frames
-from retrolidar_ros.cli.arguments import (
-    Subparsers,
-    add_bag_command,
-    detector_values,
-    output_path,
-)
+from retrolidar_ros.cli.arguments import add_bag, add_detector_options, detector_values, output_path
 from retrolidar_ros.cli.decode import NOTHING_READ, print_hints
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection
@@ -20,10 +13,13 @@ from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Recording
 
+HELP = 'draw what was read in a bag'
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar plot`."""
-    command = add_bag_command(subparsers, 'plot', 'draw what was read in a bag', run)
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    add_bag(command)
+    add_detector_options(command)
     command.add_argument('-o', '--output', type=output_path, required=True, help='PNG file')
 
 

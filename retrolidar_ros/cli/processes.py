@@ -24,10 +24,7 @@ class ProcessError(RuntimeError):
 
 
 class ProcessGroup:
-    """Runs programs, each with its output in a log file, and ends all of them on exit.
-
-    A SIGTERM or SIGHUP to this process while the group is open ends the group, too.
-    """
+    """Runs programs, with log files, and ends all of them on exit, SIGTERM or SIGHUP."""
 
     def __init__(self, logs: Path) -> None:
         """Write logs into the directory `logs`."""
@@ -53,13 +50,7 @@ class ProcessGroup:
                 signal.signal(number, handler)
 
     def start(self, name: str, command: list[str]) -> None:
-        """Run a command under a name of one's choice.
-
-        Raises
-        ------
-        ValueError
-            If a process of this name has not been stopped.
-        """
+        """Run a command under a name of one's choice; ValueError if it runs already."""
         if name in self._running:
             raise ValueError(f'{name} has been started already')
         with self.log(name).open('wb') as log:
@@ -104,10 +95,7 @@ class ProcessGroup:
 
 
 def end_with_parent(parent: int | None = None) -> None:
-    """Let the kernel end this new process when its parent is gone, be it by SIGKILL.
-
-    `parent` is the ID of the parent, which may have ended already.
-    """
+    """Let the kernel end this process when its parent, of this ID, is gone, be it by SIGKILL."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if parent not in (None, os.getppid()):
         os._exit(1)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record a sensor into a bag, without ROS: the frames that the driver would have published."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import shutil
@@ -12,28 +10,26 @@ import time
 from dataclasses import replace
 
 from retrolidar_ros.bag import STORAGES, FrameWriter
-from retrolidar_ros.cli.arguments import Subparsers, add_port, output_path, seconds
+from retrolidar_ros.cli.arguments import add_port, output_path, seconds
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
-from retrolidar_ros.sensor.noise import NoiseLaw
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource, in_background
+from retrolidar_ros.sensor.model import NoiseLaw
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource, in_background
 from retrolidar_ros.settings.interrupts import termination_noted
 from retrolidar_ros.settings.parameter import declared
 
+HELP = 'record a sensor into a bag, without ROS'
+DESCRIPTION = (
+    'Ctrl-C ends the recording and completes the bag. Waits while the sensor is unplugged. Exit '
+    'code 1 if no frame came.'
+)
 _PROGRESS_S = 1.0
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar record`."""
-    command = subparsers.add_parser(
-        'record',
-        help='record a sensor into a bag, without ROS',
-        description='Ctrl-C ends the recording and completes the bag. Waits while the sensor is '
-        'unplugged. Exit code 1 if no frame came.',
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_port(command)
     command.add_argument(
         '-o', '--output', type=output_path, required=True, metavar='BAG', help='directory to make'
@@ -42,7 +38,6 @@ def add_command(subparsers: Subparsers) -> None:
         '--storage', choices=STORAGES, default=STORAGES[0], help='(default: %(default)s)'
     )
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
-    command.set_defaults(run=run)
 
 
 def summary(monitor: FrameMonitor, elapsed_s: float, rate_hz: float, silence: str) -> str:
@@ -76,11 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
-    with (
-        termination_noted() as requested,
-        writer as bag,
-        in_background(source, say) as take_until,
-    ):
+    with termination_noted() as requested, writer as bag, in_background(source, say) as take_until:
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
                 rate_hz = (monitor.frames - counted) / (_PROGRESS_S + now_s - due_s)

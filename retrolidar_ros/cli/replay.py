@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publish the frames of a bag as a driver would, without rosbag2."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from contextlib import suppress
 from itertools import chain
 
 from retrolidar_ros.bag import read_frames
-from retrolidar_ros.cli.arguments import Subparsers, add_bag
+from retrolidar_ros.cli.arguments import add_bag
 from retrolidar_ros.settings.interrupts import interrupted_once
 from retrolidar_ros.settings.parameter import declared
 
+HELP = 'publish the frames of a bag to ROS'
+DESCRIPTION = 'Stamps stay as they were recorded. Needs ROS 2, but not rosbag2.'
 _DISCOVERY_S = 3.0  # until there is a subscriber, or not
 
 
@@ -25,19 +25,13 @@ def rate(text: str) -> float:
     raise argparse.ArgumentTypeError(f'{text} is no rate: more than 0, and up to 1000')
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar replay`."""
-    command = subparsers.add_parser(
-        'replay',
-        help='publish the frames of a bag to ROS',
-        description='Stamps stay as they were recorded. Needs ROS 2, but not rosbag2.',
-    )
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_bag(command)
     command.add_argument('--to', metavar='TOPIC', help='where they go (default: as in the bag)')
     command.add_argument('--rate', type=rate, default=1.0, help='times as fast (default: 1)')
     command.add_argument('--loop', action='store_true', help='begin again at the end')
     command.add_argument('--frame-id', help='TF frame of the sensor (default: of the driver)')
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

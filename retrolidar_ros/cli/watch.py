@@ -1,8 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor watched in a terminal: frames from a port, through the detector, onto the screen."""
-
-from __future__ import annotations
+"""A sensor watched in a terminal: from a port, through the detector, onto the screen."""
 
 import argparse
 import math
@@ -10,34 +8,178 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from dataclasses import replace
+from typing import Any, NamedTuple, TextIO
+
+import numpy as np
 
 from retrolidar_ros.cli.arguments import (
-    Subparsers,
     add_detector_options,
     add_port,
     detector_values,
     seconds,
 )
-from retrolidar_ros.cli.watch_state import Watch
-from retrolidar_ros.cli.watch_view import Snapshot, fitted, line, screen
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource, in_background
+from retrolidar_ros.cli.watch_view import LastReading, Snapshot, fitted, line, screen
+from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.agreement import Agreement
+from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db, newest_bits
+from retrolidar_ros.detector.frame_monitor import FrameMonitor
+from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
+from retrolidar_ros.detector.parameters import DetectorSettings
+from retrolidar_ros.marker.code import PACKET_BITS
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource, in_background
+from retrolidar_ros.sensor.wire import WireCounts
 from retrolidar_ros.settings.interrupts import interrupted_once
 
+HELP = 'show zones, bits and markers of a sensor live'
+DESCRIPTION = (
+    'Updates a terminal five times a second, else prints a line a second. End with Ctrl-C. Exit '
+    'code 1 if a duration ends without any frame.'
+)
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
+_KEPT_BITS = PACKET_BITS + 3  # a packet whose end may be anywhere
+_RATE_S = 2.0  # over which frames are counted for their rate
+_SILENCE_S = 1.0
+_MORE_DB = 3.0  # another zone has to blink by so much more than that which is shown
 
 
-def add_command(subparsers: Subparsers) -> None:
-    """Add `retrolidar watch`."""
-    command = subparsers.add_parser(
-        'watch',
-        help='show zones, bits and markers of a sensor live',
-        description='Updates a terminal five times a second, else prints a line a second. End with '
-        'Ctrl-C. Exit code 1 if a duration ends without any frame.',
-    )
+class _Tally(NamedTuple):
+    """Counters at some time."""
+
+    time_s: float
+    frames: int
+    restarts: int
+    received: WireCounts
+
+
+class Watch:
+    """The state of a sensor, from its frames."""
+
+    def __init__(self, source: SerialSource, zone: int | None, values: Mapping[str, Any]) -> None:
+        """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
+        self._source = source
+        self._fixed_zone, self._shown_zone = zone, zone
+        self._settings = DetectorSettings(values)
+        self._bit_s = values['bit_period']
+        self._clock = ClockMap()
+        self._detector: LikelihoodDetector | None = None
+        self._agreement = Agreement(values['min_readings'])
+        self._monitor = FrameMonitor(ZoneGrid())
+        self._last: dict[int, Detection] = {}
+        self._times: Counter[int] = Counter()
+        self._last_arrival_s = time.monotonic()
+        self._tallies = deque([_Tally(self._last_arrival_s, 0, 0, source.received)])
+
+    @property
+    def frames(self) -> int:
+        """How many frames have come."""
+        return self._monitor.frames
+
+    def take(self, frames: list[Frame], arrival_ns: int) -> None:
+        """Take frames that arrived together; ValueError if the sensor has no such zone."""
+        for frame in frames:
+            stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
+            self._take(replace(frame, stamp_ns=stamp_ns))
+        self._last_arrival_s = arrival_ns * 1e-9
+
+    def _begin(self, grid: ZoneGrid) -> None:
+        if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
+            raise ValueError(
+                f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
+                f'0 to {grid.zones - 1}'
+            )
+        detector = self._settings.detector(grid)
+        if not isinstance(detector, LikelihoodDetector):
+            raise ValueError(f'--method {self._settings.values["method"]}: watch shows joint only')
+        self._detector, self._shown_zone = detector, self._fixed_zone
+        self._monitor.restart(grid)
+
+    def _take(self, frame: Frame) -> None:
+        newest = self._monitor.newest
+        if not newest or newest[-1].grid != frame.grid:
+            self._begin(frame.grid)
+        elif newest[-1].stamp_ns >= frame.stamp_ns:
+            self._monitor.restart(frame.grid)
+        self._monitor.take(frame)
+        assert self._detector is not None
+        detections = self._detector.update(frame)
+        self._monitor.read(detections)
+        for detection in self._agreement.confirmed(detections):
+            self._last[detection.id] = detection
+            self._times[detection.id] += 1
+
+    def snapshot(self) -> Snapshot:
+        """Return a snapshot."""
+        now_ns = time.monotonic_ns()
+        received = self._source.received
+        now = _Tally(now_ns * 1e-9, self.frames, self._clock.restarts, received)
+        self._tallies.append(now)
+        while self._tallies[1].time_s <= now.time_s - _RATE_S:
+            self._tallies.popleft()
+        then = self._tallies[0]
+        return Snapshot(
+            port=self._source.port,
+            trouble=self._trouble(then, now),
+            rate_hz=(now.frames - then.frames) / max(now.time_s - then.time_s, 1e-3),
+            frames=now.frames,
+            lost=self._monitor.lost,
+            damaged=received.unread,
+            **self._zones(now_ns),
+        )
+
+    def _trouble(self, then: _Tally, now: _Tally) -> str:
+        """Return what is wrong since `then`."""
+        if problem := self._source.problem:
+            return f'{problem}; retrying'
+        silence_s = now.time_s - self._last_arrival_s
+        if silence_s > _SILENCE_S:
+            return f'{now.received.silence(then.received)} ({silence_s:.0f} s)'
+        if now.restarts - then.restarts > 1:
+            return "the sensor's clock jumps again and again; are its times in microseconds?"
+        hint = self._monitor.rate(self._bit_s) or self._monitor.unread(self._settings)
+        return str(hint or '')
+
+    def _zones(self, now_ns: int) -> dict[str, Any]:
+        """Return zones, bits and readings, as fields of a snapshot."""
+        if self._detector is None:
+            return {}
+        newest = self._monitor.newest[-1]
+        since_ns = newest.stamp_ns - round(_KEPT_BITS * self._bit_s * 1e9)
+        recent = [frame for frame in self._monitor.newest if frame.stamp_ns > since_ns]
+        if len(recent) < 2:
+            return {}
+        samples = Samples.of(Recording.of(recent))
+        law = self._settings.noise.lit(np.median(newest.ambient))
+        blinking = modulation_db(samples, law)
+        zone = self._shown_zone
+        if self._fixed_zone is None:
+            strongest = int(blinking.argmax())
+            if blinking[strongest] < BLINKING_DB:
+                zone = None
+            elif zone is None or blinking[strongest] > blinking[zone] + _MORE_DB:
+                zone = strongest
+        self._shown_zone = zone
+        readings = [
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
+            for identity, detection in self._last.items()
+        ]
+        return {
+            'frame': newest,
+            'modulation_db': blinking,
+            'zone': zone,
+            'bits': None if zone is None else newest_bits(samples, zone, self._bit_s),
+            'readings': readings,
+            'rejected': self._detector.counts.rejected,
+        }
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_port(command)
     command.add_argument(
         '--zone',
@@ -47,7 +189,6 @@ def add_command(subparsers: Subparsers) -> None:
     )
     command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
     add_detector_options(command)
-    command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

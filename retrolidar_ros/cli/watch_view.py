@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The display of `retrolidar watch`: a snapshot as lines of text."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,13 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.newest_bits import NewestBits
+from retrolidar_ros.detector.blinking_zones import NewestBits
 from retrolidar_ros.sensor.frame import Floats, Frame
 
-COLUMNS = 80
-"""Width of lines that are made to fit: of 8x8 zones they are wider."""
-ROWS = 21
-"""As many lines as 4x4 zones need when nothing is wrong."""
+COLUMNS = 80  # width of lines that are made to fit: of 8x8 zones they are wider
+ROWS = 21  # as many lines as 4x4 zones need when nothing is wrong
 _FULL_BAR_DB = 40.0
 _CELL = {4: 18, 8: 11}  # width of a zone by the columns of the grid
 _READINGS = 3  # with 4x4 zones they all fit on 21 lines
@@ -31,8 +27,7 @@ class LastReading(NamedTuple):
 
     detection: Detection
     age_s: float
-    times: int
-    """How often the marker has been read so far."""
+    times: int  # how often the marker has been read so far
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,24 +35,18 @@ class Snapshot:
     """The state of port, zones and markers at one moment."""
 
     port: str
-    trouble: str
-    """What is wrong or to be known, and what to do about it; empty if nothing is."""
+    trouble: str  # what is wrong or to be known, and what to do about it; empty if nothing is
     rate_hz: float
     frames: int
     lost: int
-    damaged: int
-    """Packets that held no frame."""
-    frame: Frame | None = None
-    """The newest."""
+    damaged: int  # packets that held no frame
+    frame: Frame | None = None  # the newest
     modulation_db: Floats = field(default_factory=lambda: np.empty(0))
     """How much each zone of that frame blinks [dB], shape (zones,)."""
-    zone: int | None = None
-    """The zone whose bits are shown; None while none blinks and none is chosen."""
-    bits: NewestBits | None = None
-    """Of that zone; None while there are too few."""
+    zone: int | None = None  # whose bits are shown; None while none blinks and none is chosen
+    bits: NewestBits | None = None  # of that zone; None while there are too few
     readings: Sequence[LastReading] = ()
-    rejected: Mapping[str, int] = field(default_factory=dict)
-    """How many candidates the detector has rejected in all zones so far, by reason."""
+    rejected: Mapping[str, int] = field(default_factory=dict)  # candidates so far, by reason
 
 
 def screen(snapshot: Snapshot) -> list[str]:

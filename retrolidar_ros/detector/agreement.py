@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings count only if others agree with them: a single one may be a false ID."""
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 from collections.abc import Sequence
 
@@ -13,28 +11,26 @@ from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 
-# A faint marker is read once in eight packets, some of which may be hidden.
-_MAX_GAP_PACKETS = 12
+_MAX_GAP_PACKETS = 12  # a faint marker is read once in eight, and some may be hidden
 _MAX_DEVIATIONS = 3.0
 _MAX_SPEED = 1.0  # of a marker along the line of sight [m/s]
 
 
 class Agreement:
-    """Confirms a reading once enough readings agree, itself included."""
+    """Confirms a reading once enough readings of its ID agree, itself included.
+
+    They agree if they are no more than twelve packets apart for each that is needed, and their
+    ranges by no more than three deviations and 1 m/s.
+    """
 
     def __init__(self, min_readings: int) -> None:
-        """Begin without any reading; 1 = all pass.
-
-        Readings agree if they are of one ID, no more than twelve packets apart for each of
-        `min_readings`, and their ranges differ by no more than three deviations and 1 m/s.
-        """
+        """Begin without any reading; with a minimum of 1 all pass."""
         self._min_readings = min_readings
         self._recent: defaultdict[int, deque[Detection]] = defaultdict(
             lambda: deque(maxlen=4 * min_readings)
         )
         self._passed_ns: dict[int, int] = {}
-        self.passed = self.withheld = 0
-        """Counts of readings that were confirmed, and withheld."""
+        self.passed = self.withheld = 0  # counts of readings that were confirmed, and withheld
 
     def confirmed(self, detections: Sequence[Detection]) -> list[Detection]:
         """Return the new readings that are confirmed."""

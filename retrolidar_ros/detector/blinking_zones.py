@@ -14,39 +14,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import NoiseLaw
 
-BLINKING_DB = 3.0
-"""Minimum modulation of a blinking zone: noise alone may reach less [dB]."""
-MIN_FRAMES = 64
-"""Frames that a bit period is estimated from."""
-# A bit is sought that lasts so many frames at most; there is no line where it lasts less than two.
-_MAX_FRAMES = 9
-# A line of noise is 1 high on average; this is less than what one in hundreds of them reaches.
-_NOISE_LINE = 4.0
+BLINKING_DB = 3.0  # minimum modulation of a blinking zone: noise alone may reach less [dB]
+MIN_FRAMES = 64  # frames that a bit period is estimated from
+_MAX_FRAMES = 9  # of a bit; there is no line where it lasts less than two
+_NOISE_LINE = 4.0  # on average a line of noise is 1 high; one in hundreds is higher
 _WEAKEST_FIRST = 0.1  # of the strongest of its lines is the first one of a true period
 _APART = 0.03
 _CANDIDATES = 4
-SURE = 5.0
-"""Minimum strength of a spectral line that is not noise."""
+SURE = 5.0  # minimum strength of a spectral line that is not noise
+_PHASES = np.arange(8) / 8  # tried: ends of the last bit, and clock errors
+_CLOCKS = 1 + 0.007 * np.arange(-4, 5)
+_MIN_VALID = 0.5  # minimum number of valid samples of a bit, of two; with fewer it is erased
 
 
 class Samples(NamedTuple):
     """The newest samples of all zones, oldest first."""
 
-    begin_s: Floats
-    """Begin of each exposure since the first [s], shape (samples,)."""
-    end_s: Floats
-    """End of each exposure [s], shape (samples,)."""
-    signal: Floats
-    """[kcps/SPAD]; 0 of an erasure; shape (samples, zones)."""
-    valid: NDArray[np.bool_]
-    """Which are valid, shape (samples, zones)."""
+    begin_s: Floats  # begin of each exposure since the first [s], shape (samples,)
+    end_s: Floats  # end of each exposure [s], shape (samples,)
+    signal: Floats  # [kcps/SPAD]; 0 of an erasure; shape (samples, zones)
+    valid: NDArray[np.bool_]  # which are valid, shape (samples, zones)
 
     @classmethod
     def of(cls, recording: Recording) -> Samples:
-        """Return the samples of at least two frames; an exposure lasts a frame period."""
+        """Return the samples of two frames or more; an exposure lasts a frame period."""
         time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
         half_s = float(np.median(np.diff(time_s))) / 2
         valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
@@ -61,15 +56,10 @@ class Samples(NamedTuple):
 
 
 def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
-    """Return the variation of zones beyond noise, as the SNR of a marker that would cause it.
+    """Return the variation of zones beyond noise as an SNR [dB], shape (zones,); -inf for none.
 
-    Half of a marker's bits are dark, so an amplitude of c makes a variance of c²/4. A passing hand
-    makes one, too.
-
-    Returns
-    -------
-    array, shape (zones,)
-        20 log10 of amplitude over the noise's standard deviation [dB]; -inf for noise alone.
+    It is that of a marker that would cause it: half of its bits are dark, so an amplitude of c
+    makes a variance of c²/4. A passing hand makes one, too.
     """
     noise = law.variance(samples.mean)
     deviation = (samples.signal - samples.mean) * samples.valid
@@ -83,20 +73,16 @@ class Period(NamedTuple):
     """A possible bit period of a blinking zone."""
 
     bit_period_s: float
-    strength: float
-    """By how much its lines exceed those of noise, whose mean is 1; from `SURE` on it is one."""
+    strength: float  # by how much its lines exceed those of noise; from `SURE` on it is one
 
 
 class BlinkingZone(NamedTuple):
     """A zone whose signal varies beyond noise."""
 
     zone: int
-    modulation_db: float
-    """The SNR of a marker with this variation [dB]."""
-    contrast: float
-    """Its variation as a share of its largest signal."""
-    periods: tuple[Period, ...]
-    """Possible bit periods, likeliest first; empty if there is no bit clock."""
+    modulation_db: float  # the SNR of a marker with this variation [dB]
+    contrast: float  # its variation as a share of its largest signal
+    periods: tuple[Period, ...]  # possible ones, likeliest first; empty without a bit clock
 
     @property
     def is_clocked(self) -> bool:
@@ -124,10 +110,7 @@ def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
 def bit_periods(
     stamp_ns: NDArray[np.int64], signal: Floats, valid: NDArray[np.bool_]
 ) -> tuple[Period, ...]:
-    """Return the possible bit periods of a zone, likeliest first; none for too few frames.
-
-    The arrays are of shape (frames,).
-    """
+    """Return the possible bit periods of a zone, likeliest first; arrays are of shape (frames,)."""
     if len(stamp_ns) < MIN_FRAMES:
         return ()
     step_s = np.diff(stamp_ns) * 1e-9
@@ -144,9 +127,8 @@ def bit_periods(
     last = 4 << len(energy).bit_length()
     power = np.abs(np.fft.rfft(energy, 2 * last)) ** 2 / max(energy @ energy, 1e-30)
     period_s = float(stamp_ns[-1] - stamp_ns[0]) * 1e-9 / frame[-1]
-    return tuple(
-        Period(2 * last * period_s / line, strength) for line, strength in _strongest_lines(power)
-    )
+    lines = _strongest_lines(power)
+    return tuple(Period(2 * last * period_s / line, strength) for line, strength in lines)
 
 
 def _strongest_lines(power: Floats) -> list[tuple[int, float]]:
@@ -167,3 +149,46 @@ def _strongest_lines(power: Floats) -> list[tuple[int, float]]:
         found.append((int(lines[best]), float(strength[best])))
         strength[np.abs(lines / lines[best] - 1) < _APART] = -np.inf
     return found
+
+
+class NewestBits(NamedTuple):
+    """The last 31 bits that a zone saw, oldest first."""
+
+    signal: Floats  # mean of each bit [kcps/SPAD], NaN where it was erased, shape (31,)
+    dark: float  # mean of the darker bits [kcps/SPAD]
+    bright: float  # mean of the brighter bits [kcps/SPAD]
+
+    @property
+    def erased(self) -> NDArray[np.bool_]:
+        """Which bits are erased, shape (31,)."""
+        return np.isnan(self.signal)
+
+    @property
+    def hard(self) -> NDArray[np.bool_]:
+        """Whether each bit is nearer to dark: a bit 1; shape (31,)."""
+        return self.signal < (self.bright + self.dark) / 2
+
+
+def newest_bits(samples: Samples, zone: int, bit_period_s: float) -> NewestBits | None:
+    """Return a zone's last bits, cut where they vary most; None if too few, or all alike."""
+    bit_s, phase = (grid.ravel() for grid in np.meshgrid(bit_period_s * _CLOCKS, _PHASES))
+    # Shape (alignments, bits + 1).
+    edge_s = samples.end_s[-1] - bit_s[:, None] * (phase[:, None] + np.arange(PACKET_BITS, -1, -1))
+    # Share of each exposure in each bit, shape (alignments, bits, samples).
+    begin = np.maximum(samples.begin_s, edge_s[:, :-1, None])
+    end = np.minimum(samples.end_s, edge_s[:, 1:, None])
+    period_s = samples.end_s[0] - samples.begin_s[0]
+    share = np.maximum(end - begin, 0.0) / period_s * samples.valid[:, zone]
+    count = share.sum(axis=-1)
+    means = np.full(count.shape, np.nan)
+    np.divide(share @ samples.signal[:, zone], count, out=means, where=count > _MIN_VALID)
+    known = ~np.isnan(means)
+    number = np.maximum(known.sum(axis=-1), 1)
+    change = means - (np.nansum(means, axis=-1) / number)[:, None]
+    best = int((np.nansum(change**2, axis=-1) / number).argmax())
+    signal, known = means[best], known[best]
+    if np.count_nonzero(known) < PACKET_BITS // 2 or not np.ptp(signal[known]):
+        return None
+    is_bright = signal[known] > (signal[known].min() + signal[known].max()) / 2
+    levels = (float(signal[known][one].mean()) for one in (~is_bright, is_bright))
+    return NewestBits(signal, *levels)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Thresholds of the decision, for a budget of false IDs per hour."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -17,23 +15,15 @@ _USUAL_ZONES = 16
 class Demands(NamedTuple):
     """Thresholds of log likelihood ratios [nats]."""
 
-    evidence: float
-    """Minimum ratio to noise and a wandering level."""
-    wandering: float
-    """Added to it where the level wanders."""
-    word: float
-    """Maximum log likelihood ratio of another bit sequence."""
-    margin: float
-    """Minimum ratio to any other ID."""
-    margin_of_more: float
-    """The same if more packets may follow: then an ambiguous one can wait."""
+    evidence: float  # minimum ratio to noise and a wandering level
+    wandering: float  # added to it where the level wanders
+    word: float  # maximum log likelihood ratio of another bit sequence
+    margin: float  # minimum ratio to any other ID
+    margin_of_more: float  # the same if more packets may follow: then an ambiguous one can wait
 
 
 def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:
-    """Return the thresholds for a budget of false IDs, over all zones.
-
-    The constants are calibrated by simulation (`evaluation.experiments.roc`).
-    """
+    """Return the thresholds for a budget over all zones (`evaluation.experiments.roc`)."""
     trials = (
         zones
         / _USUAL_ZONES

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A detector that keeps the newest frames, to explain why markers are not read."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -13,7 +11,7 @@ from retrolidar_ros.detector.detection import Detection, Detector
 from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
-from retrolidar_ros.detector.parameters import detector_of, known_markers, registered
+from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Frame, Recording
 
@@ -25,16 +23,13 @@ class Decoding:
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         """Begin with values of all parameters of a detector; ValueError if one is invalid."""
-        self._values = values
-        self._known = known_markers(values)
-        registered(values, self._known)
+        self._settings = DetectorSettings(values)
         self._detector: Detector | None = None
         self._agreement = Agreement(values['min_readings'])
         self._newest: deque[Frame] = deque(maxlen=_KEPT)
         self._rejected: dict[int, Candidate] = {}  # the best of each zone
         self._read: list[Detection] = []
-        self.detections: list[Detection] = []
-        """Confirmed detections so far, of the last zone grid."""
+        self.detections: list[Detection] = []  # confirmed detections so far, of the last zone grid
 
     def detect(self, frames: Iterable[Frame]) -> Iterator[Detection]:
         """Yield the detections in frames as they become certain."""
@@ -43,8 +38,8 @@ class Decoding:
 
     def follow(self, frames: Iterable[Frame]) -> Iterator[Track]:
         """Yield the tracks of each frame; ValueError for a method that follows no markers."""
-        if self._values['method'] != 'joint':
-            raise ValueError(f'method {self._values["method"]} follows no markers; joint does')
+        if (method := self._settings.values['method']) != 'joint':
+            raise ValueError(f'method {method} follows no markers; joint does')
         for _, tracks in self.steps(frames, follow=True):
             yield from tracks
 
@@ -58,8 +53,8 @@ class Decoding:
                 self._read.clear()
                 self.detections.clear()
                 self._rejected.clear()
-                self._detector = detector_of(self._values, frame.grid, self._known)
-                self._agreement = Agreement(self._values['min_readings'])
+                self._detector = self._settings.detector(frame.grid)
+                self._agreement = Agreement(self._settings.values['min_readings'])
             self._newest.append(frame)
             assert self._detector is not None
             detections = self._detector.update(frame)
@@ -81,7 +76,7 @@ class Decoding:
         begin_ns = recording.stamp_ns[0]
         newest = [one for one in self._read if one.stamp_ns >= begin_ns]
         withheld = 0 if self._agreement.passed else self._agreement.withheld
-        return Explanation(recording, self._values, self._known, newest, withheld)
+        return Explanation(recording, self._settings, newest, withheld)
 
     def table(self, explanation: Explanation, findings: list[Finding]) -> list[str]:
         """Return how each zone blinks, and its best candidate beside the thresholds."""

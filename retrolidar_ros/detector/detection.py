@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The result of a detector, and its counts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -17,54 +15,34 @@ class Detection:
     """One marker, read once; the fields mirror `MarkerDetection.msg`."""
 
     id: int
-    stamp_ns: int
-    """When the place holds: the mean time of the samples used for it [ns]."""
-    start_ns: int
-    """When the (first) packet began [ns]: before the first frame used, or up to 8 bits later."""
-    end_ns: int
-    """Time of the last frame used [ns]."""
+    stamp_ns: int  # when the place holds: the mean time of the samples used for it [ns]
+    start_ns: int  # when the (first) packet began [ns]: up to 8 bits after the first frame
+    end_ns: int  # time of the last frame used [ns]
     place: Place
-    snr_db: float
-    """Modulation over noise, per sample: 20 log10 of amplitude over standard deviation [dB].
-
-    Noise is the residual of the fitted packet.
-    """
-    evidence: float
-    """Log likelihood ratio against no packet [nats]; NaN where a method has none."""
-    decision_margin: float
-    """The same against the nearest other ID [nats]; NaN likewise."""
-    bit_period_s: float
-    """How long the marker holds a bit, as measured [s]."""
-    score: float
-    """Normalised correlation of the samples with the sent packet, 0 to 1."""
-    likelihood: float
-    """The paper's l at the start of the packet."""
+    snr_db: float  # 20 log10 of amplitude over a sample's deviation from the fitted packet [dB]
+    evidence: float  # log likelihood ratio against no packet [nats]; NaN where a method has none
+    decision_margin: float  # the same against the nearest other ID [nats]; NaN likewise
+    bit_period_s: float  # how long the marker holds a bit, as measured [s]
+    score: float  # normalised correlation of the samples with the sent packet, 0 to 1
+    likelihood: float  # the paper's l at the start of the packet
     corrected_bits: int
     packets: int
-    zones: tuple[int, ...]
-    """Indices of the zones used, strongest first."""
+    zones: tuple[int, ...]  # indices of the zones used, strongest first
 
 
 @dataclass
 class DetectorCounts:
     """Candidates by outcome so far."""
 
-    candidates: int = 0
-    """Packets found, one for every zone that saw one."""
+    candidates: int = 0  # packets found, one for every zone that saw one
     accepted: int = 0
-    rejected: Counter[str] = field(default_factory=Counter)
-    """Candidates that were rejected, by reason."""
-    impossible: int = 0
-    """Samples of a valid status with an impossible signal or distance; they are erasures."""
-    overloads: int = 0
-    """Frames with too many candidates, of which the least likely were dropped."""
+    rejected: Counter[str] = field(default_factory=Counter)  # by reason
+    impossible: int = 0  # samples with a valid status but an impossible signal or distance
+    overloads: int = 0  # frames with too many candidates, of which the least likely were dropped
 
 
 class Detector(Protocol):
-    """The interface of every method: frames in, detections out.
-
-    Both updates raise ValueError for frames of another zone grid than the detector's.
-    """
+    """Every method: frames in, detections out; ValueError for frames of another zone grid."""
 
     @property
     def counts(self) -> DetectorCounts:

@@ -2,34 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why markers of a recording are not read. Each remedy is tried before it is advised."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, blinking_zones
+from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, Samples, blinking_zones
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.findings import Cause, Finding, finding, listed
+from retrolidar_ros.detector.findings import Cause, Finding, listed
 from retrolidar_ros.detector.methods import MAX_PACKETS
-from retrolidar_ros.detector.parameters import detector_of, noise_of, registered
-from retrolidar_ros.detector.rejections import adjacency
-from retrolidar_ros.detector.trials import (
-    CAPTURED,
-    Trial,
-    best,
-    candidates,
-    every,
-    is_among,
-    trials,
-)
+from retrolidar_ros.detector.parameters import DetectorSettings
+from retrolidar_ros.detector.trials import CAPTURE, Trial, best, candidates, every, is_among, trials
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.marker.known_markers import KnownMarker
-from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT, frame_period
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Floats, Recording, frame_period, valid_samples
+from retrolidar_ros.sensor.model import NoiseLaw, Status
 
 _TRIED_ON = 640  # newest frames
 _MAX_ZONES = 4
@@ -50,45 +36,39 @@ class Explanation:
     def __init__(
         self,
         recording: Recording,
-        values: Mapping[str, Any],
-        known: Mapping[int, KnownMarker],
+        settings: DetectorSettings,
         detections: Iterable[Detection] = (),
         withheld: int = 0,
     ) -> None:
-        """Take two frames or more, and what a detector of values and known markers read.
-
-        `withheld` is how many detections `min_readings` withholds, if it withholds all.
-        """
+        """Take two frames or more, and what was read of them, or withheld if it was all."""
         self.recording = recording
-        self._values, self._known = values, known
-        self._bit_s = values['bit_period']
+        self._settings = settings
+        self._bit_s = settings.values['bit_period']
         self._frame_s = frame_period(recording)
         self._detections, self._withheld = list(detections), withheld
-        law = noise_of(values).lit(recording.ambient)
+        law = settings.noise.lit(recording.ambient)
         self._noise_scale = _noise_scale(recording, law)
         if self._noise_scale > 1:
             scale = self._noise_scale
             law = NoiseLaw(law.floor * scale, law.slope * scale, 0.0)
-        self.zones = blinking_zones(recording, law)
-        """Those that blink, strongest first."""
+        self.zones = blinking_zones(recording, law)  # those that blink, strongest first
         self._trials: list[Trial] = []
-        self._near = adjacency(recording.grid)
         self._explained = self._seen(self._detections)
 
     def findings(self) -> list[Finding]:
         """Return why markers are not read; empty without evidence that they could be."""
         if len(self.recording) < MIN_FRAMES:
             packet_s, frames = PACKET_BITS * self._bit_s, len(self.recording)
-            few = finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
+            few = Finding(Cause.FEW_FRAMES, frames=frames, packet_s=packet_s)
             return [] if self._detections else [few]
         if self.recording.stamp_ns[0] == self.recording.stamp_ns[-1] or self._frame_s <= 0:
-            return [finding(Cause.STAMPS)]
+            return [Finding(Cause.STAMPS)]
         ids = dict.fromkeys(one.id for one in self._detections)
         found = [rate_finding(self._frame_s, self._bit_s), *map(self._rarely_read, ids)]
         result = [one for one in found if one is not None]
         if self._withheld:
-            required = self._values['min_readings']
-            result.append(finding(Cause.WITHHELD, withheld=self._withheld, required=required))
+            required = self._settings.values['min_readings']
+            result.append(Finding(Cause.WITHHELD, withheld=self._withheld, required=required))
         if not self._detections:
             reasons = self._unregistered() or self._more_packets(0)
             result += reasons or self._unread(self.zones) or [self._nothing()]
@@ -101,20 +81,17 @@ class Explanation:
         if result:
             frames = self._bit_s / self._frame_s
             if FRAMES_A_BIT[0] <= frames < _TWO_FRAMES:
-                result.append(finding(Cause.SHORT_BITS, bit_ms=1e3 * self._bit_s, frames=frames))
+                result.append(Finding(Cause.SHORT_BITS, bit_ms=1e3 * self._bit_s, frames=frames))
             result += _surroundings(self.recording, self._noise_scale)
         return result
 
     def why(self, zone: BlinkingZone) -> Iterator[Finding | None]:
-        """Yield why a zone is not read, as far as is known after each trial of a bit period.
-
-        It is None until the likely bit periods have been tried.
-        """
+        """Yield why a zone is not read, after each trial; None before the likely ones are made."""
         values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
         likely_s = self._likely(zone)
         is_alike = not zone.is_clocked or is_among(self._bit_s, likely_s)
         if zone.contrast < _FLAT and is_alike:
-            yield finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
+            yield Finding(Cause.LOW_CONTRAST, percent=100 * zone.contrast, **values)
             return
         newest = self.recording.newest(_TRIED_ON)
         tried_s = [self._bit_s, *(one.tried_s for one in self._trials)]
@@ -130,10 +107,10 @@ class Explanation:
                 self._explained |= self._seen(read.detections)
                 yield _bit_period(zone, read, self._bit_s)
             elif not zone.is_clocked:
-                yield finding(Cause.NO_CLOCK, **values)
+                yield Finding(Cause.NO_CLOCK, **values)
             else:
                 tried = listed([f'{1e3 * one:.1f}' for one in tried_s])
-                yield finding(Cause.NO_ID, tried=tried, **values)
+                yield Finding(Cause.NO_ID, tried=tried, **values)
             trial = None if is_sure else next(more, None)
             if trial is None:
                 return
@@ -163,46 +140,44 @@ class Explanation:
         if zone is not None:
             for trial in trials(self.recording, [bit_s, *self._likely(zone)], self._read_with):
                 again = trial.within(zone.zone)
-                is_another = abs(again.bit_period_s / self._bit_s - 1) > CAPTURED / 2
+                is_another = abs(again.bit_period_s / self._bit_s - 1) > CAPTURE / 2
                 if len(again.detections) > len(own) and is_another:
                     return _bit_period(zone, again, self._bit_s)
-        few = finding(Cause.FEW_READ, ids=marker_id, read=read, sent=sent)
+        few = Finding(Cause.FEW_READ, ids=marker_id, read=read, sent=sent)
         return next(iter(self._more_packets(read)), few)
 
     def _more_packets(self, read: int) -> list[Finding]:
         """Return that a larger max_packets reads more, if it does."""
-        packets = self._values['max_packets']
+        packets = self._settings.values['max_packets']
         if packets == MAX_PACKETS:
             return []
         more = self._read(self.recording, max_packets=MAX_PACKETS)
         if sum(one.packets for one in more) <= read:
             return []
-        return [finding(Cause.MAX_PACKETS, ids=_ids(more), packets=packets)]
+        return [Finding(Cause.MAX_PACKETS, ids=_ids(more), packets=packets)]
 
     def _unregistered(self) -> list[Finding]:
         """Return which unregistered IDs are seen in zones that are not explained."""
-        if not registered(self._values, self._known):
+        if not self._settings.registered:
             return []
         anyone = self._read(self.recording, registered_ids=[], only_registered=False)
         read = [one for one in anyone if not self._explained.issuperset(one.zones)]
         self._explained |= self._seen(read)
-        return [finding(Cause.UNREGISTERED, ids=_ids(read))] if read else []
+        return [Finding(Cause.UNREGISTERED, ids=_ids(read))] if read else []
 
     def _nothing(self) -> Finding:
         """Return that nothing blinks, or which zone may see a marker at rest."""
         signal = np.median(self.recording.signal, axis=0)
         if signal.max() < _STANDS_OUT * max(float(np.median(signal)), 1.0):
-            return finding(Cause.NO_BLINKING)
-        return finding(Cause.STEADY, zone=int(signal.argmax()))
+            return Finding(Cause.NO_BLINKING)
+        return Finding(Cause.STEADY, zone=int(signal.argmax()))
 
     def _likely(self, zone: BlinkingZone) -> list[float]:
-        """Return the possible bit periods of a zone [s]."""
         return candidates((one.bit_period_s for one in zone.periods), self._frame_s)
 
     def _read(self, recording: Recording, **changes: Any) -> list[Detection]:
         """Read a recording with other values."""
-        detector = detector_of({**self._values, **changes}, recording.grid, self._known)
-        return detector.update_all(recording)
+        return self._settings.changed(**changes).detector(recording.grid).update_all(recording)
 
     def _read_with(self, recording: Recording, bit_s: float) -> list[Detection]:
         return self._read(recording, bit_period=bit_s)
@@ -210,7 +185,7 @@ class Explanation:
     def _seen(self, detections: Iterable[Detection]) -> set[int]:
         """Return the zones of detections, and their neighbours."""
         zones = {zone for one in detections for zone in one.zones}
-        return set(np.flatnonzero(self._near[sorted(zones)].any(axis=0)).tolist())
+        return set(np.flatnonzero(self.recording.grid.near[sorted(zones)].any(axis=0)).tolist())
 
 
 def rate_finding(frame_s: float, bit_s: float) -> Finding | None:
@@ -219,12 +194,12 @@ def rate_finding(frame_s: float, bit_s: float) -> Finding | None:
     if FRAMES_A_BIT[0] <= frames <= FRAMES_A_BIT[1]:
         return None
     values = {'frame_ms': 1e3 * frame_s, 'bit_ms': 1e3 * bit_s, 'two_s': 2 * frame_s}
-    return finding(Cause.FRAME_RATE, frames=frames, **values)
+    return Finding(Cause.FRAME_RATE, frames=frames, **values)
 
 
 def _bit_period(zone: BlinkingZone, read: Trial, bit_s: float) -> Finding:
     """Return that a zone is read with another bit period than the configured one [s]."""
-    return finding(
+    return Finding(
         Cause.BIT_PERIOD,
         zone=zone.zone,
         blinks_db=zone.modulation_db,
@@ -241,16 +216,14 @@ def _ids(detections: Iterable[Detection]) -> str:
 
 def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
     """Return the variance of the quietest quarter of zones over that of a noise law."""
-    valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
-    signal = recording.signal.astype(np.float64)
-    pairs = valid[1:] & valid[:-1]
+    samples = Samples.of(recording)
+    pairs = samples.valid[1:] & samples.valid[:-1]
     count = pairs.sum(axis=0)
     seen = count > MIN_FRAMES // 2
     if seen.mean() < _MIN_SEEN:
         return 1.0
-    steps: Floats = np.where(pairs, np.diff(signal, axis=0), 0.0)
-    mean = (signal * valid).sum(axis=0) / np.maximum(valid.sum(axis=0), 1)
-    scale = (steps**2).sum(axis=0) / np.maximum(count, 1) / 2 / law.variance(mean)
+    steps: Floats = np.where(pairs, np.diff(samples.signal, axis=0), 0.0)
+    scale = (steps**2).sum(axis=0) / np.maximum(count, 1) / 2 / law.variance(samples.mean)
     return float(np.quantile(scale[seen], 0.25))
 
 
@@ -258,17 +231,17 @@ def _surroundings(recording: Recording, noise_scale: float) -> list[Finding]:
     """Return what is wrong with the noise and the light."""
     result = []
     if not 1 / _MAX_NOISE < noise_scale < _MAX_NOISE:
-        result.append(finding(Cause.NOISE, scale=noise_scale))
+        result.append(Finding(Cause.NOISE, scale=noise_scale))
     with np.errstate(invalid='ignore'):
         near = np.flatnonzero((recording.distance < _GLASS_M).mean(axis=0) > _FEW).tolist()
     if near:
-        result.append(finding(Cause.GLASS, zones=listed(near), nearer_cm=100 * _GLASS_M))
+        result.append(Finding(Cause.GLASS, zones=listed(near), nearer_cm=100 * _GLASS_M))
     valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
     bad = ~valid & (recording.status != Status.NO_TARGET)
     if lame := np.flatnonzero(bad.mean(axis=0) > _FEW).tolist():
         status = int(np.bincount(recording.status[bad]).argmax())
-        result.append(finding(Cause.INVALID, zones=listed(lame), status=status))
+        result.append(Finding(Cause.INVALID, zones=listed(lame), status=status))
     ambient = recording.ambient.mean(axis=1)
     if np.std(np.diff(ambient)) > _FLICKER * max(float(ambient.mean()), 1.0):
-        result.append(finding(Cause.FLICKER))
+        result.append(Finding(Cause.FLICKER))
     return result

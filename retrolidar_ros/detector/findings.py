@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Why markers are not read: causes, and one sentence for each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any
 
 _DARKER = 'check polarisers and voltage, or go farther away if so much light saturates the sensor'
 _MAX_LISTED = 4
@@ -75,20 +73,15 @@ class Cause(Enum):
     )
 
 
-class Finding(NamedTuple):
+class Finding:
     """A cause, and the values in its sentence."""
 
-    cause: Cause
-    values: dict[str, Any]
+    def __init__(self, cause: Cause, **values: Any) -> None:
+        self.cause, self.values = cause, values
 
     def __str__(self) -> str:
         """Return the sentence."""
         return self.cause.value.format(**self.values)
-
-
-def finding(cause: Cause, **values: Any) -> Finding:
-    """Return a finding."""
-    return Finding(cause, values)
 
 
 def listed(values: Sequence[object]) -> str:

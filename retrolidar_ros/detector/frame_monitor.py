@@ -2,11 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether frames come as a detector needs them, and whether blinking zones are read."""
 
-from __future__ import annotations
-
 from collections import deque
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,25 +11,21 @@ from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
-from retrolidar_ros.detector.parameters import noise_of, registered
-from retrolidar_ros.detector.rejections import adjacency
+from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.marker.known_markers import KnownMarker
-from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.frame_rate import RATE_FRAMES, frame_period, missing_frames
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, frame_period, missing_frames
 
 _KEPT = 320  # a packet with nine frames a bit
 _MIN_KEPT = 128
-# Below this, something that moves far away, or noise, may be the cause.
-_CLEARLY_DB = 6.0
+_CLEARLY_DB = 6.0  # below this, something that moves far away, or noise, may be the cause
 # For so long a zone may blink unread by other bits, and for so many packets by the right ones: a
 # detector combines eight.
 _PATIENCE_S = 1.5
+_RATE_FRAMES = 33  # whose median interval is taken for the frame period
 _PAUSE_NS = 1_000_000_000  # without frames: what came before it is left out
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
-# A look costs a millisecond, with a trial tens of them: between the first ones, and later.
-_LOOKING_S = (0.9, 2.0)
+_LOOKING_S = (0.9, 2.0)  # between the first looks, and later: one costs up to tens of milliseconds
 _HASTY = 9  # first looks at a zone
 
 
@@ -42,21 +35,17 @@ class FrameMonitor:
     def __init__(self, grid: ZoneGrid) -> None:
         """Begin with no frame of `grid`."""
         self.frames = 0
-        self.lost = 0
-        """Frames that were sent, by the sequence counter, and never came."""
-        self.unsent = 0
-        """Frames that are missing because the node before this one did not send them."""
-        self.repeated = 0
-        """Frames that came a second time, and were left out."""
-        self.reversed = 0
-        """Frames with a lower counter than the one before: a sensor restarted, or there are two."""
+        self.lost = 0  # frames that were sent, by the sequence counter, and never came
+        self.unsent = 0  # frames that the node before this one did not send
+        self.repeated = 0  # frames that came a second time, and were left out
+        self.reversed = 0  # frames whose counter went back: a sensor restarted, or there are two
         self.newest: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 
     def restart(self, grid: ZoneGrid) -> None:
         """Forget the newest frames, not the counts; the next ones may have another grid."""
         self.newest.clear()
-        self._near = adjacency(grid)
+        self._near = grid.near
         self._explained_ns = np.zeros(grid.zones, dtype=np.int64)
         self._looked_ns = self._looks = 0
         self._zone: int | None = None  # the zone that blinks and is not read,
@@ -66,10 +55,7 @@ class FrameMonitor:
         self._finding: Finding | None = None  # and what is told of it
 
     def take(self, frame: Frame, max_lost: int | None = None) -> bool:
-        """Count a frame; return whether it is a new one.
-
-        Before it at most `max_lost` were lost on the way here, if that is known.
-        """
+        """Count a frame, before which `max_lost` at most got lost; return whether it is new."""
         self.frames += 1
         if self.newest:
             last = self.newest[-1]
@@ -98,31 +84,25 @@ class FrameMonitor:
 
     def rate(self, bit_period_s: float) -> Finding | None:
         """Return that a bit does not last one to eight of the newest frames, if it does not."""
-        if len(self.newest) < RATE_FRAMES:
+        if len(self.newest) < _RATE_FRAMES:
             return None
-        frame_s = frame_period(Recording.of(list(self.newest)[-RATE_FRAMES:]))
+        frame_s = frame_period(Recording.of(list(self.newest)[-_RATE_FRAMES:]))
         return rate_finding(frame_s, bit_period_s) if frame_s > 0 else None  # or clocks stand still
 
-    def unread(self, values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> Finding | None:
-        """Return why a zone blinks by a clock and is not read, as far as is known by now.
-
-        The values are those of a detector, which may be restricted to known or registered markers.
-        Each call may try one bit period.
-        """
+    def unread(self, settings: DetectorSettings) -> Finding | None:
+        """Return why a zone blinks by a clock unread; each call may try one bit period."""
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
         if abs(now_ns - self._looked_ns) >= 1e9 * _LOOKING_S[self._looks >= _HASTY]:
             self._looked_ns = now_ns
-            self._look(now_ns, values, known)
+            self._look(now_ns, settings)
         return self._finding
 
-    def _look(
-        self, now_ns: int, values: Mapping[str, Any], known: Mapping[int, KnownMarker]
-    ) -> None:
+    def _look(self, now_ns: int, settings: DetectorSettings) -> None:
         """Look for a zone that waits for too long, or try one more bit period in that zone."""
         recording = Recording.of(list(self.newest))
-        law = noise_of(values).lit(recording.ambient)
+        law = settings.noise.lit(recording.ambient)
         quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
         # Stamps may go back, where a bag is played again.
         self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
@@ -134,7 +114,7 @@ class FrameMonitor:
         if self._zone is None:
             if waited_s.max() < _PATIENCE_S:
                 return
-            explanation = Explanation(recording, values, known)
+            explanation = Explanation(recording, settings)
             waiting = (one for one in explanation.zones if waited_s[one.zone] >= _PATIENCE_S)
             zone = next((one for one in waiting if one.is_clocked), None)
             if zone is None:
@@ -144,6 +124,6 @@ class FrameMonitor:
         self._looks += 1
         self._found = next(self._why, self._found)
         has_remedy = self._found is not None and self._found.cause is Cause.BIT_PERIOD
-        is_missed = waited_s[self._zone] >= _PACKETS * PACKET_BITS * values['bit_period']
-        is_expected = not registered(values, known)
+        is_missed = waited_s[self._zone] >= _PACKETS * PACKET_BITS * settings.values['bit_period']
+        is_expected = not settings.registered
         self._finding = self._found if has_remedy or (is_missed and is_expected) else None

@@ -1,13 +1,8 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The default detector: the core searches and decides by one likelihood.
+"""The default detector: the core (`core/src/retrolidar_detector.h`) searches and decides."""
 
-The core (`core/src/retrolidar_detector.h`) gets frames and returns readings, which are placed here
-and become detections.
-"""
-
-from __future__ import annotations
-
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
@@ -20,61 +15,85 @@ from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.placement import core_sensor, placed
-from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
-from retrolidar_ros.marker.code import IDS, RESERVED_IDS, check_ids
+from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
-# Capacity in frames: eight packets at two frames a bit, or one at more than thirty.
-_MIN_HELD = 1100
+_MIN_HELD = 1100  # frames: eight packets at two frames a bit, or one at more than thirty
+_SETTLED_PACKETS = 1.5  # by then, any packet that explains a candidate has been read
+_SLACK = 0.1  # of a packet
+_READ = 256  # newest readings that candidates are compared with
 
 
 class Reason(str, Enum):
     """Why a candidate is rejected, as diagnostics and tables name it."""
 
-    EVIDENCE = 'evidence'
-    """Noise, a wandering level and packets read before explain the samples nearly as well."""
-    NOT_A_WORD = 'not a word'
-    """Other bits, of no packet or of another clock, explain them much better."""
-    MARGIN = 'margin'
-    """A packet of another ID explains them nearly as well."""
-    INCOMPLETE = 'incomplete'
-    """The packet may not have ended, or not repeat, or its clock is off."""
-    ERASED = 'erased'
-    """Too few of its samples are valid."""
-    DISTANCE = 'distance'
-    """It was read, but no distance was measured."""
+    EVIDENCE = 'evidence'  # noise, a wandering level and packets read before do as well
+    NOT_A_WORD = 'not a word'  # other bits, of no packet or of another clock, do much better
+    MARGIN = 'margin'  # a packet of another ID does nearly as well
+    INCOMPLETE = 'incomplete'  # the packet may not have ended, or not repeat, or its clock is off
+    ERASED = 'erased'  # too few of its samples are valid
+    DISTANCE = 'distance'  # it was read, but no distance was measured
 
 
-_REASONS = {
-    int(lib.RL_EVIDENCE): Reason.EVIDENCE,
-    int(lib.RL_NOT_A_WORD): Reason.NOT_A_WORD,
-    int(lib.RL_MARGIN): Reason.MARGIN,
-    int(lib.RL_INCOMPLETE): Reason.INCOMPLETE,
-    int(lib.RL_ERASED): Reason.ERASED,
-}
-"""By their numbers in the core."""
+# By their numbers in the core, which knows nothing of a missing distance.
+_REASONS = {int(getattr(lib, f'RL_{one.name}')): one for one in Reason if one != Reason.DISTANCE}
 
 
 class Candidate(NamedTuple):
     """A packet that was judged."""
 
     id: int
-    zone: int
-    """The zone, or from `zones` on the sum of zones, that was searched."""
+    zone: int  # the zone, or from `zones` on the sum of zones, that was searched
     packets: int
-    reason: Reason | None
-    """Why it was rejected; None if it was read."""
+    reason: Reason | None  # why it was rejected; None if it was read
     start_ns: int
     bit_period_s: float
-    evidence: float
-    """[nats]; this and the next two are 0 if it was rejected before they were computed."""
-    word: float
-    """Log likelihood of the best other sequence of bits less its own [nats]."""
-    margin: float
-    """[nats]"""
+    evidence: float  # [nats]; like the next two 0 if it was rejected before
+    word: float  # log likelihood of the best other sequence of bits less its own [nats]
+    margin: float  # [nats]
+
+
+class Rejections:
+    """Counts rejected candidates, once it is certain that no packet explains them."""
+
+    def __init__(self, grid: ZoneGrid) -> None:
+        self.counts: Counter[str] = Counter()
+        self._near = grid.near
+        self._pending: deque[tuple[int, Candidate]] = deque()
+        self._read: deque[Detection] = deque(maxlen=_READ)
+
+    def take(self, candidates: list[Candidate], detections: list[Detection], now_ns: int) -> None:
+        """Take the candidates and the readings of a frame."""
+        self.settle(now_ns)
+        self._pending += ((now_ns, one) for one in candidates if one.reason is not None)
+        self._read += detections
+
+    def settle(self, now_ns: int) -> None:
+        """Count the candidates that are old enough and not explained."""
+        while self._pending:
+            judged_ns, one = self._pending[0]
+            packet_ns = PACKET_BITS * one.bit_period_s * 1e9
+            if 0 <= now_ns - judged_ns < _SETTLED_PACKETS * packet_ns:
+                break
+            self._pending.popleft()
+            if one.reason is not None and not self._is_read(one, packet_ns):
+                self.counts[one.reason.value] += 1
+
+    def _is_read(self, candidate: Candidate, packet_ns: float) -> bool:
+        """Return whether something was read in, or beside, a candidate's zone, at its time."""
+        zones = len(self._near)
+        # Where only an end of a packet was seen, its time is not known well.
+        begin_ns = candidate.start_ns - _SLACK * packet_ns
+        end_ns = candidate.start_ns + (1 + _SLACK) * packet_ns
+        return any(
+            one.start_ns < end_ns
+            and begin_ns < one.end_ns
+            and (candidate.zone >= zones or self._near[candidate.zone, list(one.zones)].any())
+            for one in self._read
+        )
 
 
 class LikelihoodDetector:
@@ -92,8 +111,7 @@ class LikelihoodDetector:
         sensor: SensorModel,
     ) -> None:
         """Prepare for frames of `grid`; parameters as of `create_detector`."""
-        self.candidates: list[Candidate] = []
-        """Candidates judged in the latest update."""
+        self.candidates: list[Candidate] = []  # candidates judged in the latest update
         self._grid = replace(grid, view=sensor.field_of_view)
         self._sizes_m = sizes_m
         self._unplaced = 0
@@ -120,10 +138,7 @@ class LikelihoodDetector:
         self._tracker: Tracker | None = None
 
     def follow(self, frame: Frame) -> list[Track]:
-        """Return the markers that are followed, at the frame that was taken last.
-
-        Call it after every `update`; it follows those that are read from the first call on.
-        """
+        """Return the markers at the newest frame, followed from the first call on."""
         if self._tracker is None:
             self._tracker = Tracker(self._core, self._grid, self._sizes_m)
         return self._tracker.follow(frame.stamp_ns)
@@ -208,13 +223,7 @@ class LikelihoodDetector:
 
 
 def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the usable IDs among the registered ones, ascending; all usable ones by default.
-
-    Raises
-    ------
-    ValueError
-        If one is impossible, or none is usable.
-    """
+    """Return the usable registered IDs, or all usable ones, ascending; ValueError for none."""
     ids = np.arange(IDS) if registered_ids is None else np.unique(check_ids(registered_ids))
     ids = ids[~np.isin(ids, RESERVED_IDS)]
     if not len(ids):

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The detection methods by name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 
@@ -18,8 +16,7 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
 
 MAX_PACKETS = 8
-METHODS = ('joint', 'paper')
-"""The default first."""
+METHODS = ('joint', 'paper')  # the default first
 
 
 def create_detector(
@@ -34,7 +31,7 @@ def create_detector(
     marker_sizes_m: Mapping[int, float] | None = None,
     sensor: SensorModel = VL53L8CX,
 ) -> Detector:
-    """Return a new detector.
+    """Return a new detector; ValueError if there is no such method, or a parameter is impossible.
 
     Parameters
     ----------
@@ -57,11 +54,6 @@ def create_detector(
         Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
     sensor : SensorModel
         Noise, optics and limits of the sensor (method `joint`).
-
-    Raises
-    ------
-    ValueError
-        If there is no such method, or a parameter is impossible.
     """
     if method not in METHODS:
         raise ValueError(f'unknown method {method!r}; there is {", ".join(METHODS)}')

@@ -14,8 +14,7 @@ from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX, SensorModel
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.yaml_files import load_yaml
 
@@ -34,15 +33,7 @@ def defaults() -> dict[str, Any]:
 
 
 def load_parameters(path: Path) -> dict[str, Any]:
-    """Return what a parameter file of ROS says of detectors.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is no such file, or has a parameter that no detector has, or of another type.
-    """
+    """Return what a parameter file says of detectors; OSError or ValueError if it is wrong."""
     content = load_yaml(path)
     found: dict[str, Any] = {}
     if not isinstance(content, Mapping):
@@ -75,45 +66,44 @@ def known_markers(values: Mapping[str, Any]) -> dict[int, KnownMarker]:
         raise ValueError(f'marker_file: {error}') from error
 
 
-def registered(values: Mapping[str, Any], known: Mapping[int, KnownMarker]) -> list[int]:
-    """Return the IDs to report; empty = all."""
-    ids = set(values['registered_ids'])
-    if values['only_registered']:
-        if not known:
-            raise ValueError('only_registered: there is no marker_file with markers')
-        ids |= set(known)
-    return sorted(ids)
+class DetectorSettings:
+    """Values of all parameters of a detector, and the markers of its file."""
 
+    def __init__(
+        self, values: Mapping[str, Any], known: Mapping[int, KnownMarker] | None = None
+    ) -> None:
+        """Take values, and what the marker file holds if it is known; ValueError if it is wrong."""
+        self.values = values
+        self.known = known_markers(values) if known is None else known
+        self.noise = NoiseLaw(*(values[f'noise_{part}'] for part in ('floor', 'slope', 'ambient')))
+        ids = set(values['registered_ids'])
+        if values['only_registered']:
+            if not self.known:
+                raise ValueError('only_registered: there is no marker_file with markers')
+            ids |= set(self.known)
+        self.registered = sorted(ids)  # the IDs to report; empty = all
 
-def noise_of(values: Mapping[str, Any]) -> NoiseLaw:
-    """Return the noise of the sensor."""
-    return NoiseLaw(values['noise_floor'], values['noise_slope'], values['noise_ambient'])
+    def changed(self, **values: Any) -> DetectorSettings:
+        """Return the settings with other values."""
+        return DetectorSettings({**self.values, **values}, self.known)
 
-
-def sensor_of(values: Mapping[str, Any], grid: ZoneGrid) -> SensorModel:
-    """Return the sensor, as calibrated."""
-    pitch = values['zone_pitch']
-    return replace(
-        VL53L8CX,
-        field_of_view=pitch * grid.columns if pitch else VL53L8CX.field_of_view,
-        zone_blur=values['zone_blur'],
-        range_offset_m=values['range_offset'],
-        noise=noise_of(values),
-    )
-
-
-def detector_of(
-    values: Mapping[str, Any], grid: ZoneGrid, known: Mapping[int, KnownMarker]
-) -> Detector:
-    """Return a new detector of values of all `READING`; ValueError if one is invalid."""
-    return create_detector(
-        values['method'],
-        grid,
-        bit_period_s=values['bit_period'],
-        likelihood_threshold=values['likelihood_threshold'],
-        false_ids_per_hour=values['false_ids_per_hour'],
-        max_packets=values['max_packets'],
-        registered_ids=registered(values, known) or None,
-        marker_sizes_m={marker.id: marker.size_m for marker in known.values()},
-        sensor=sensor_of(values, grid),
-    )
+    def detector(self, grid: ZoneGrid) -> Detector:
+        """Return a new detector for frames of `grid`; ValueError if a value is invalid."""
+        values, pitch = self.values, self.values['zone_pitch']
+        return create_detector(
+            values['method'],
+            grid,
+            bit_period_s=values['bit_period'],
+            likelihood_threshold=values['likelihood_threshold'],
+            false_ids_per_hour=values['false_ids_per_hour'],
+            max_packets=values['max_packets'],
+            registered_ids=self.registered or None,
+            marker_sizes_m={marker.id: marker.size_m for marker in self.known.values()},
+            sensor=replace(
+                VL53L8CX,
+                field_of_view=pitch * grid.columns if pitch else VL53L8CX.field_of_view,
+                zone_blur=values['zone_blur'],
+                range_offset_m=values['range_offset'],
+                noise=self.noise,
+            ),
+        )

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pose of a marker with covariance, from bearing and range."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,10 +15,8 @@ from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 class Bearing(NamedTuple):
     """A direction as tangents to the optical axis, x/z and y/z."""
 
-    tangent: Floats
-    """Shape (2,)."""
-    variance: Floats
-    """Of each tangent, shape (2,)."""
+    tangent: Floats  # shape (2,)
+    variance: Floats  # of each tangent, shape (2,)
 
 
 def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
@@ -32,14 +28,10 @@ def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
 class Place:
     """A marker's pose in the optical frame of the sensor: x right, y down, z forward."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    orientation: Floats
-    """Quaternion (x, y, z, w), shape (4,): facing the sensor, z pointing away from it."""
-    covariance: Floats
-    """Of x, y, z [m²] and the rotations about the frame's x, y, z axes [rad²], shape (6, 6)."""
-    range_m: float
-    """Radial distance."""
+    position_m: Floats  # shape (3,)
+    orientation: Floats  # quaternion (x, y, z, w): facing the sensor, z pointing away from it
+    covariance: Floats  # of x, y, z [m²] and rotations about these axes [rad²], shape (6, 6)
+    range_m: float  # radial distance
     range_stddev_m: float
 
     @property
@@ -49,15 +41,7 @@ class Place:
 
 
 def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
-    """Return the pose of a marker, with the variance of what is not measured.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Direction of the marker.
-    range_m, range_stddev_m : float
-        Radial distance and its standard deviation [m].
-    """
+    """Return the pose of a marker, with the variance of what is not measured; ranges in [m]."""
     variance = bearing.variance.tolist()
     pose = ffi.new('struct rl_pose *')
     lib.rl_pose(bearing.tangent.tolist(), variance, range_m, range_stddev_m**2, pose)

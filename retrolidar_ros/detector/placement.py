@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The place of a reading, as the core computes it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -44,10 +42,7 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
 def placed(
     core: Any, index: int, size_m: float, grid: ZoneGrid, sensor: SensorModel
 ) -> Detection | None:
-    """Return a reading of a core's newest frame; None where no distance was measured.
-
-    The marker has edges of `size_m`.
-    """
+    """Return a reading of a core's newest frame; None where no distance was measured."""
     reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(core, index))
     where = ffi.new('struct rl_placement *')
     if not lib.rl_place(core, reading, size_m, where):

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detections and tracks to stable lines of text."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -14,10 +12,7 @@ from retrolidar_ros.detector.tracks import Track
 
 
 def to_json(detection: Detection) -> str:
-    """Return a detection as one line of JSON: metres, decibels, nats, seconds of ROS time.
-
-    Values that a method does not measure are null.
-    """
+    """Return a detection as a line of JSON in SI units, dB and nats; null: not measured."""
     x, y, z = detection.place.position_m.tolist()
     return json.dumps(
         {

@@ -1,11 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tracks: the place of every marker that was read, at every frame.
-
-The core (`core/src/retrolidar_tracks.h`) follows them; here its results become tracks.
-"""
-
-from __future__ import annotations
+"""Tracks: the place of every marker that was read, at every frame, as the core follows it."""
 
 import math
 from collections.abc import Mapping
@@ -30,19 +25,13 @@ class Track:
     """One marker that is followed, at one frame; the fields mirror `MarkerTrack.msg`."""
 
     id: int
-    stamp_ns: int
-    """Of the frame [ns]."""
+    stamp_ns: int  # of the frame [ns]
     place: Place
-    velocity: Floats
-    """In the optical frame, shape (3,) [m/s]; across the line of sight it is not measured."""
-    velocity_covariance: Floats
-    """Shape (3, 3) [m²/s²]."""
-    presence: float
-    """Log odds that the marker is still there, and still this one [nats]."""
-    first_ns: int
-    """When its first packet began [ns]."""
-    last_ns: int
-    """Time of the newest frame in which its light was seen [ns]."""
+    velocity: Floats  # in the optical frame, shape (3,) [m/s]; measured along the range only
+    velocity_covariance: Floats  # shape (3, 3) [m²/s²]
+    presence: float  # log odds that the marker is still there, and still this one [nats]
+    first_ns: int  # when its first packet began [ns]
+    last_ns: int  # time of the newest frame in which its light was seen [ns]
 
 
 class TrackCounts(NamedTuple):
@@ -50,8 +39,7 @@ class TrackCounts(NamedTuple):
 
     started: int
     ended: int
-    dropped: int
-    """Tracks that were dropped because there were more than `MAX_TRACKS`."""
+    dropped: int  # tracks that were dropped because there were more than `MAX_TRACKS`
 
 
 class Tracker:

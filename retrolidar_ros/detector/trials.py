@@ -16,13 +16,10 @@ import numpy as np
 
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.frame_rate import FRAMES_A_BIT
+from retrolidar_ros.sensor.frame import FRAMES_A_BIT, Recording
 
-Read = Callable[[Recording, float], list[Detection]]
-"""Reads a recording with a bit period [s]."""
-CAPTURED = 0.02
-"""Relative difference up to which a detector finds a bit period, and that of farther trials."""
+Read = Callable[[Recording, float], list[Detection]]  # reads a recording with a bit period [s]
+CAPTURE = 0.02  # relative error of a bit period that a detector makes up for
 # Frames a bit, 5 % apart, nearest to two first.
 _GRID = sorted(np.geomspace(1.0, 9.0, 46).tolist(), key=lambda frames: abs(np.log2(frames / 2)))
 _SURE = 0.4  # of a recording
@@ -61,10 +58,7 @@ class Trial(NamedTuple):
 
 
 def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> Trial | None:
-    """Return the trial with the most evidence; None if none can be trusted.
-
-    One reading is trusted where a clock speaks for its bit period, too.
-    """
+    """Return the trial with the most evidence of those that several readings or a clock confirm."""
     trusted = (
         one
         for one in done
@@ -76,10 +70,7 @@ def best(done: Iterable[Trial], recording: Recording, likely_s: list[float]) -> 
 
 
 def candidates(clocks_s: Iterable[float], frame_s: float) -> list[float]:
-    """Return the bit periods of which frames every `frame_s` [s] may show clocks; all in [s].
-
-    Bits of one frame show none, or any.
-    """
+    """Return the bit periods [s] of which frames every `frame_s` may show clocks."""
     min_s, max_s = (frames * frame_s for frames in FRAMES_A_BIT)
     found: list[float] = []
     for clock_s in clocks_s:
@@ -108,4 +99,4 @@ def trials(
 
 def is_among(bit_s: float, others: list[float]) -> bool:
     """Return whether a bit period [s] is captured by a detector of one of the others."""
-    return any(abs(bit_s / one - 1) < CAPTURED for one in others)
+    return any(abs(bit_s / one - 1) < CAPTURE for one in others)

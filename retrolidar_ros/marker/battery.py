@@ -6,8 +6,6 @@ A marker sleeps, looks for the sensor's light in short regular windows, and is a
 sends packets. Self-discharge, and the capacity left below the least voltage, are not modelled.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
@@ -36,13 +34,7 @@ PROTOTYPE = Currents()
 
 
 def active_share(queries_per_hour: float, packets: int = 1) -> float:
-    """Return the share of time in which a marker sends, if each query wakes it for some packets.
-
-    Raises
-    ------
-    ValueError
-        If the number of queries is negative, or more than fit into an hour.
-    """
+    """Return the share of time in which a marker sends; ValueError for impossible queries."""
     share = queries_per_hour * packets * PACKET_S / _HOUR_S
     if not 0 <= share <= 1:
         max_queries = _HOUR_S / (packets * PACKET_S)

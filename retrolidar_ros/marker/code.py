@@ -7,8 +7,6 @@ A bit 1 is a dark bit: the liquid crystal is driven and blocks the light (paper 
 Words are rows of bits, most significant bit first, in any leading batch shape.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -23,15 +21,9 @@ IDS = 1 << ID_BITS
 MAX_CORRECTED_BITS = (int(lib.RL_WORD_DISTANCE) - 1) // 2
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
 
-
-def _to_bits(numbers: list[int], width: int) -> NDArray[np.uint8]:
-    """Expand integers to bits of shape (len(numbers), width), most significant bit first."""
-    return np.unpackbits(np.array(numbers, '>u4')[:, None].view(np.uint8), axis=1)[:, -width:]
-
-
-_PACKETS = _to_bits([lib.rl_packet(marker_id) for marker_id in range(IDS)], PACKET_BITS)
-WORDS = _PACKETS[:, -WORD_BITS:]
-"""The codewords of all IDs, shape (4096, 24)."""
+_NUMBERS = np.array([lib.rl_packet(marker_id) for marker_id in range(IDS)], '>u4')
+_PACKETS = np.unpackbits(_NUMBERS[:, None].view(np.uint8), axis=1)[:, -PACKET_BITS:]
+WORDS = _PACKETS[:, -WORD_BITS:]  # the codewords of all IDs, shape (4096, 24)
 PREAMBLE = _PACKETS[0, :-WORD_BITS]
 
 # Their codewords are all bright and all dark: nothing is modulated after the preamble.
@@ -44,10 +36,8 @@ _ROWS_AT_ONCE = 2048  # of a matrix product, 32 MB
 class Decoded(NamedTuple):
     """The outcome of decoding, each of the words' batch shape."""
 
-    ids: NDArray[np.int64]
-    """The decoded ID, -1 where the word was rejected."""
-    corrected_bits: NDArray[np.int8]
-    """How many bits were wrong, 0 to 3; -1 where four or more were."""
+    ids: NDArray[np.int64]  # the decoded ID, -1 where the word was rejected
+    corrected_bits: NDArray[np.int8]  # how many bits were wrong, 0 to 3; -1 where four or more were
 
 
 def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
@@ -62,28 +52,15 @@ def check_ids(ids: ArrayLike) -> NDArray[np.int64]:
 
 
 def packet(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return preamble and codeword of marker IDs of shape (...), as bits of shape (..., 31).
-
-    The first twelve bits of the codeword are the ID itself.
-
-    Raises
-    ------
-    ValueError
-        If an ID is no integer or outside 0..4095.
-    """
+    """Return preamble and codeword, ID first, of IDs of shape (...), as bits (..., 31)."""
     return _PACKETS[check_ids(ids)]
 
 
 def decode(words: ArrayLike) -> Decoded:
     """Correct up to three wrong bits a word of shape (..., 24); reject a word with four.
 
-    Any word within three bits of a codeword decodes to it, and these are 56.8 % of all 24-bit
-    words: a decoded ID alone is no evidence of a marker.
-
-    Raises
-    ------
-    ValueError
-        If the last axis is not 24 long or an entry is neither 0 nor 1.
+    Of all 24-bit words 56.8 % are within three bits of a codeword, so a decoded ID alone is no
+    evidence of a marker. ValueError for another shape, or for entries that are neither 0 nor 1.
     """
     bits = np.asarray(words)
     if bits.ndim == 0 or bits.shape[-1] != WORD_BITS:

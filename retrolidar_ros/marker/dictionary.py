@@ -2,15 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sets of marker IDs that stay apart at any start bit.
 
-A marker that repeats its packet may be read from any of its 31 bits. From the first bit, two IDs
-differ in eight bits or more by the Golay code; from another bit, an ID may come close to the packet
-of a second one, or to its own. So the distance of two IDs is the minimum Hamming distance between
-the packet of one and any cyclic shift of the packet of the other; that of an ID to itself is the
-minimum over all shifts but 0. Codewords and preamble have even weight, so all distances are even.
-At a distance of 8 three wrong bits can be corrected within the set, at 6 two, at 4 one, at 2 none.
+A marker that repeats its packet may be read from any of its 31 bits; only from the first one does
+the Golay code keep eight bits between two IDs. So their distance is the minimum Hamming distance
+between the packet of one and any cyclic shift of the packet of the other; that of an ID to itself
+is over all shifts but 0. Codewords and preamble have even weight, so all distances are even. At a
+distance of 8 three wrong bits can be corrected within the set, at 6 two, at 4 one, at 2 none.
 """
-
-from __future__ import annotations
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -20,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, check_ids, packet
 
-SAFE_DISTANCE = 8
-"""What the Golay code gives at the right start: three wrong bits do no harm."""
+SAFE_DISTANCE = 8  # what the Golay code gives at the right start: three wrong bits do no harm
 
 USABLE_IDS: NDArray[np.int64] = np.setdiff1d(np.arange(IDS), RESERVED_IDS)
 
@@ -30,24 +26,13 @@ class ConfusablePair(NamedTuple):
     """Two markers, or one with itself, that come close at some start bit."""
 
     first: int
-    second: int
-    """The higher ID, or again the first."""
-    distance: int
-    """In how many bits they differ; 0 if the ID is in the set more than once."""
-    shift: int
-    """Start bit of `first`, 0 to 30, at which it is so close to the packet of `second`."""
+    second: int  # the higher ID, or again the first
+    distance: int  # in how many bits they differ; 0 if the ID is in the set more than once
+    shift: int  # start bit of `first`, 0 to 30, at which it is so close to the packet of `second`
 
 
 def distances(ids: ArrayLike) -> NDArray[np.uint8]:
-    """Return the distances of IDs, shape (n,), to each other and, on the diagonal, to themselves.
-
-    They are in bits, shape (n, n). An ID that occurs twice is at distance 0 of its double.
-
-    Raises
-    ------
-    ValueError
-        If there is no ID, or an impossible one.
-    """
+    """Return the distances of IDs (n,) at any start bit, (n, n): on the diagonal to themselves."""
     # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
     # integers below 2^24 are exact in float32, so is the product.
     signs = 1 - 2 * packet(_listed(ids)).astype(np.float32)
@@ -63,26 +48,11 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
 
 
 def choose_ids(count: int, min_distance: int | None = None) -> tuple[NDArray[np.int64], int]:
-    """Choose usable IDs that are far apart, each also from its own shifts.
+    """Choose 1 to 4094 usable IDs that are far apart, each also from its own shifts.
 
-    Parameters
-    ----------
-    count : int
-        How many, 1..4094.
-    min_distance : int, optional
-        The smallest distance allowed, 1..31 bits; default: the largest at which so many are found.
-
-    Returns
-    -------
-    ids : array of int64, shape (count,)
-        In the order of choice.
-    distance : int
-        The smallest distance among them.
-
-    Raises
-    ------
-    ValueError
-        If the number or the distance is out of range, or so many are not found.
+    The smallest distance allowed is 1 to 31 bits, by default the largest at which so many are
+    found. Returns the IDs in the order of choice, shape (count,), and their smallest distance.
+    ValueError if a number is out of range, or so many are not found.
     """
     if not 1 <= count <= len(USABLE_IDS):
         raise ValueError(f'{count} IDs cannot be chosen: ask for 1 to {len(USABLE_IDS)}')
@@ -103,8 +73,8 @@ def largest_set(min_distance: int, count: int = len(USABLE_IDS)) -> NDArray[np.i
     """Return all IDs found at a minimum distance, or `count` of them; ValueError as above.
 
     The next ID is always the one that rules out the fewest of those left, the lowest of several.
-    So there may be larger sets than are found, but the choice is the same everywhere, and with
-    the same `min_distance` a smaller set is the beginning of a larger one: a set can grow later.
+    Larger sets may exist, but the choice is the same everywhere, and a set can grow later: a
+    smaller one is the beginning of a larger one.
     """
     _check_distance(min_distance)
     near = _usable_distances() < min_distance
@@ -124,8 +94,8 @@ def largest_set(min_distance: int, count: int = len(USABLE_IDS)) -> NDArray[np.i
 def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[ConfusablePair]:
     """Return the pairs of a set of IDs that are nearer than `min_distance`, nearest first.
 
-    An ID that is near its own shifts is paired with itself, and so, at distance and shift 0, is one
-    that occurs more than once. Errors are as of `distances` and `choose_ids`.
+    An ID near its own shifts is paired with itself, and so, at distance 0, is one that occurs
+    twice. Errors are as of `distances` and `choose_ids`.
     """
     _check_distance(min_distance)
     unique, occurrences = np.unique(_listed(ids), return_counts=True)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Marker files: names and sizes of the markers that a robot knows."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,13 +23,9 @@ from retrolidar_ros.settings.section import (
 )
 from retrolidar_ros.settings.yaml_files import load_parsed
 
-MARKER_SIZE_M = 0.03
-"""Edge of the paper's retroreflector (§5)."""
-# Names that TF accepts; a leading slash it does not.
-_FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')
-
+MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)
+_FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')  # TF accepts no leading slash
 _MAX_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name
-
 _USUAL_FRAME = re.compile(r'marker_([0-9]+)')
 
 
@@ -53,15 +47,11 @@ class KnownMarker:
     """One line of a marker file."""
 
     id: int
-    frame: Annotated[str, _frame] = ''
-    """Its TF frame; if none is given, named by its ID."""
+    frame: Annotated[str, _frame] = ''  # its TF frame; if none is given, named by its ID
     note: Annotated[str, text] = ''
-    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
-    """Edge of the square retroreflector."""
-    object: Annotated[str, _frame] = ''
-    """What it is fixed to; empty: it is an object of its own."""
-    place_m: Annotated[Triple, place(100)] = (0.0, 0.0, 0.0)
-    """Where on that."""
+    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M  # edge of its square
+    object: Annotated[str, _frame] = ''  # what it is fixed to; empty: it is an object of its own
+    place_m: Annotated[Triple, place(100)] = (0.0, 0.0, 0.0)  # where on that
 
     def __post_init__(self) -> None:
         """Name the frame."""
@@ -74,13 +64,7 @@ def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
 
 
 def parse_markers(content: object) -> dict[int, KnownMarker]:
-    """Return the markers that nested mappings describe, as read from a YAML file.
-
-    Raises
-    ------
-    ConfigError
-        For an impossible ID, a frame of two markers, or what `mapping` refuses.
-    """
+    """Return the markers of a YAML file's content; ConfigError for an impossible one."""
     section = Section(content)
     known = section.take('markers', _markers)
     section.end()

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Step response of a liquid crystal: exponential (paper §2.2)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
@@ -15,8 +13,7 @@ from retrolidar_ros.settings.section import quantity
 
 _Time: TypeAlias = Annotated[float, quantity('time', 1e-6, 0.1)]
 
-# An exponential runs from 10 to 90 % in ln 9 time constants.
-_TIME_CONSTANTS_10_TO_90 = math.log(9)
+_TIME_CONSTANTS_10_TO_90 = math.log(9)  # an exponential runs from 10 to 90 % in ln 9 time constants
 
 
 @dataclass(frozen=True)
@@ -27,11 +24,11 @@ class Response:
     bright_s: _Time
 
     def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
-        """Return the integral of the relaxation from level to level [s].
+        """Return the integral of the relaxation from one level to the next [s].
 
-        A bit lasts many time constants, so the level of the bit `before` it is where it starts.
-        Levels are transmissions, 0 to 1; `elapsed_s` is the time since the edge between them; all
-        are of one shape (...).
+        Levels are transmissions, 0 to 1, and `elapsed_s` is the time since the edge between them;
+        all are of one shape (...). A bit lasts many time constants, so it starts at the level
+        `before`.
         """
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS_10_TO_90

@@ -7,8 +7,6 @@ powers add: V² = noise² + light². The light falls with the square of the dist
 with the cosine of the angle. Saturation of the amplifier at close range is not modelled.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -19,17 +17,13 @@ from retrolidar_ros.sensor.frame import Floats
 NOISE_V = {'dark': 14.812e-3, 'indoors': 16.443e-3, 'LED': 16.895e-3, 'outdoors': 36.695e-3}
 """Noise by surroundings; LED is an infrared camera's."""
 GUARD_V = 1e-3
-THRESHOLD_V = NOISE_V['indoors'] + GUARD_V
-"""The paper's (§6.5)."""
-REACH_M = 2.25
-"""Distance up to which the paper's threshold is exceeded (§6.5)."""
-LARGEST_ANGLE_RAD = math.radians(55)
-"""Angle beyond which the photodiode receives nothing (§6.5)."""
+THRESHOLD_V = NOISE_V['indoors'] + GUARD_V  # the paper's (§6.5)
+REACH_M = 2.25  # distance up to which the paper's threshold is exceeded (§6.5)
+LARGEST_ANGLE_RAD = math.radians(55)  # angle beyond which the photodiode receives nothing (§6.5)
 LOOK_S = 1e-3
 LOOK_EVERY_S = 0.1
 LATENCY_S = 0.4e-3  # of the circuit (paper §5)
-WAKING_S = LOOK_EVERY_S + LATENCY_S
-"""Longest time from the first light to the first bit."""
+WAKING_S = LOOK_EVERY_S + LATENCY_S  # longest time from the first light to the first bit
 
 
 def needed_light_v(threshold_v: float, noise_v: float) -> float:
@@ -41,10 +35,7 @@ LIGHT_AT_1_M_V = REACH_M**2 * needed_light_v(THRESHOLD_V, NOISE_V['indoors'])
 
 
 def light_v(range_m: Floats, angle_rad: float = 0.0) -> Floats:
-    """Return the voltage of the sensor's light alone [V], at distances above 0, shape (...) [m].
-
-    The angle is between the marker's normal and the line of sight.
-    """
+    """Return the voltage of the sensor's light alone [V], at distances (...) [m] and an angle."""
     return LIGHT_AT_1_M_V * _facing(angle_rad) / np.square(range_m)
 
 
@@ -58,11 +49,7 @@ def voltage_v(
 def wakeup_range_m(
     threshold_v: float = THRESHOLD_V, noise_v: float = NOISE_V['indoors'], angle_rad: float = 0.0
 ) -> float:
-    """Return the distance up to which the marker wakes [m].
-
-    Infinite where noise alone exceeds the threshold, so that the marker never sleeps; 0 where the
-    marker faces away.
-    """
+    """Return the distance up to which the marker wakes [m]; infinite if noise alone does it."""
     needed_v = needed_light_v(threshold_v, noise_v)
     if needed_v == 0:
         return math.inf

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `coffee` node: poses of the objects of a task, until all are placed (paper §7.1)."""
 
-from __future__ import annotations
-
 import re
 from itertools import combinations
 
@@ -19,12 +17,11 @@ from retrolidar_ros.nodes.conversion import (
     to_pose,
     to_pose_msg,
 )
-from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber
+from retrolidar_ros.nodes.detection_subscriber import DetectionSubscriber, TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.parameters import Parameters
 from retrolidar_ros.nodes.qos import latched, topics_of
 from retrolidar_ros.nodes.run import repeat
-from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.tasks.next_view import ViewPlanner
@@ -33,15 +30,13 @@ from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.survey import Survey
 
 _TICK_S = 0.1
-# How long a detection waits for the transform of its time.
-_PATIENCE_S = 1.0
+_PATIENCE_S = 1.0  # how long a detection waits for the transform of its time
 
 
 class CoffeeNode(Node):
     """Publishes poses and offsets of named objects, and whether all of them are placed."""
 
     def __init__(self) -> None:
-        """Declare parameters and subscribe."""
         super().__init__('coffee')
         parameters = Parameters(self, 'coffee')
         values = parameters.values
@@ -59,13 +54,12 @@ class CoffeeNode(Node):
         names = self._board.names
         self._poses = {
             name: latched(self, PoseWithCovarianceStamped, topic)
-            for name, topic in zip(names, topics_of('~/objects/', names), strict=True)
+            for name, topic in topics_of('~/objects/', names).items()
         }
-        pairs = list(combinations(names, 2))
-        topics = topics_of('~/offsets/', [f'{one}_to_{other}' for one, other in pairs])
+        pairs = {pair: '_to_'.join(pair) for pair in combinations(names, 2)}
+        topics = topics_of('~/offsets/', [*pairs.values()])
         self._offsets = {
-            pair: latched(self, Vector3Stamped, topic)
-            for pair, topic in zip(pairs, topics, strict=True)
+            pair: latched(self, Vector3Stamped, topics[name]) for pair, name in pairs.items()
         }
         DiagnosticsPublisher(self).register_health_check(self, 'objects', self._examine)
         self._readings: DetectionSubscriber
@@ -76,7 +70,6 @@ class CoffeeNode(Node):
             )
         else:
             self._readings = DetectionSubscriber(self, values['source'], self._on_detection)
-        parameters.warn_of_misspelled()
         repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:
@@ -93,30 +86,24 @@ class CoffeeNode(Node):
         self._planner.forget()
 
     def _on_detection(self, message: Marked) -> None:
-        """Publish the pose of an object from one detection."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name in self._poses:
-            pose = from_pose(message.pose.pose)
             covariance = covariance_of(message.pose)
-            self._publish(name, message.header, *pose, covariance)
+            self._publish(name, message.header, *from_pose(message.pose.pose), covariance)
             self._tick()
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
-        """Publish the pose of an object from all readings."""
         name = message.child_frame_id.removeprefix(self._prefix)
         if name not in self._poses:
             return
-        estimate = self._survey.take(name, reading).estimate()
-        if estimate is not None:
-            header = Header(stamp=message.header.stamp, frame_id=self._target)
-            state = estimate.position_m, estimate.rotation
-            self._publish(name, header, *state, estimate.covariance)
+        header = Header(stamp=message.header.stamp, frame_id=self._target)
+        if (one := self._survey.take(name, reading).estimate()) is not None:
+            self._publish(name, header, one.position_m, one.rotation, one.covariance)
         missing = {one: self._survey.landmarks.get(one) for one in self._missing_now()}
         before = self._planner.view
         self._planner.take(reading, name, missing)
         if (view := self._planner.view) is not None and view is not before:
             pose = to_pose(view.position_m, quaternion_of(view.rotation))
-            header = Header(stamp=message.header.stamp, frame_id=self._target)
             self._next_view.publish(PoseStamped(header=header, pose=pose))
         self._tick()
 

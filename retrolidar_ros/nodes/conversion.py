@@ -2,19 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames and detections to and from ROS messages."""
 
-from __future__ import annotations
-
 from array import array
 from typing import Any, TypeAlias
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import (
-    Pose,
-    PoseWithCovariance,
-    PoseWithCovarianceStamped,
-    TransformStamped,
-)
+from geometry_msgs.msg import Pose, PoseWithCovariance, PoseWithCovarianceStamped, TransformStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -24,18 +17,14 @@ from retrolidar_ros.detector.place import Place
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection, MarkerTrack
-from retrolidar_ros.sensor.frame import (
-    Floats,
-    Frame,
-    ZoneGrid,
-    valid_samples,
-)
+from retrolidar_ros.sensor.frame import Floats, Frame, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
-Marked: TypeAlias = 'MarkerDetection | MarkerTrack'
-"""A message with the place of a marker."""
-# Deviation of a marker's rate of turn, which is not measured [rad/s].
-_ANY_TURN_RATE = 3.0
+Marked: TypeAlias = 'MarkerDetection | MarkerTrack'  # a message with the place of a marker
+_ANY_TURN_RATE = 3.0  # deviation of a marker's rate of turn, which is not measured [rad/s]
+# Of a detection, what a message has as it is, by the fields of both.
+_ALIKE = ('id', 'evidence', 'decision_margin', 'score', 'likelihood', 'corrected_bits', 'packets')
+_MEASURED = {name: name for name in _ALIKE} | {'snr_db': 'snr', 'bit_period_s': 'bit_period'}
 _POINT_FIELDS = ('x', 'y', 'z', 'signal', 'ambient')
 
 
@@ -100,13 +89,7 @@ def to_frame_msg(frame: Frame, frame_id: str) -> FrameMsg:
 
 
 def from_frame_msg(message: FrameMsg) -> Frame:
-    """Return the frame of a message.
-
-    Raises
-    ------
-    ValueError
-        If its zones are not of a shape that the sensor has, or an array has another length.
-    """
+    """Return the frame of a message; ValueError for zones or arrays of an impossible shape."""
     frame = Frame(
         stamp_ns=to_ns(message.header.stamp),
         sequence=message.sequence,
@@ -122,10 +105,7 @@ def from_frame_msg(message: FrameMsg) -> Frame:
 
 
 def to_point_cloud(frame: Frame, frame_id: str) -> PointCloud2:
-    """Return a point for each zone in rows and columns of the grid, NaN where there is no target.
-
-    A point is on the axis of its zone, at the reported distance along the optical axis.
-    """
+    """Return a point on the axis of each zone, in rows and columns; NaN of no target."""
     grid = frame.grid
     depth = _depth(frame)
     points = np.empty((grid.zones, len(_POINT_FIELDS)), dtype='<f4')
@@ -197,16 +177,9 @@ def to_detection_msg(detection: Detection, frame_id: str, child_frame_id: str) -
     """Return a detection as a message in the sensor's frame `frame_id`."""
     message = MarkerDetection(header=to_header(detection.stamp_ns, frame_id))
     message.child_frame_id = child_frame_id
-    message.id = detection.id
     _set_place(message, detection.place)
-    message.snr = detection.snr_db
-    message.evidence = detection.evidence
-    message.decision_margin = detection.decision_margin
-    message.score = detection.score
-    message.likelihood = detection.likelihood
-    message.bit_period = detection.bit_period_s
-    message.corrected_bits = detection.corrected_bits
-    message.packets = detection.packets
+    for name, field in _MEASURED.items():
+        setattr(message, field, getattr(detection, name))
     message.zones = array('B', detection.zones)
     message.start = to_time(detection.start_ns)
     message.end = to_time(detection.end_ns)
@@ -217,7 +190,6 @@ def from_detection_msg(message: MarkerDetection) -> Detection:
     """Return the detection of a message."""
     pose = message.pose.pose
     return Detection(
-        id=message.id,
         stamp_ns=to_ns(message.header.stamp),
         start_ns=to_ns(message.start),
         end_ns=to_ns(message.end),
@@ -228,15 +200,8 @@ def from_detection_msg(message: MarkerDetection) -> Detection:
             message.range,
             message.range_stddev,
         ),
-        snr_db=message.snr,
-        evidence=message.evidence,
-        decision_margin=message.decision_margin,
-        bit_period_s=message.bit_period,
-        score=message.score,
-        likelihood=message.likelihood,
-        corrected_bits=message.corrected_bits,
-        packets=message.packets,
         zones=tuple(message.zones),
+        **{name: getattr(message, field) for name, field in _MEASURED.items()},
     )
 
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `detector` node: from `frames` to `markers`, TF and visualization topics."""
 
-from __future__ import annotations
-
 import re
 import time
 from threading import Lock
@@ -14,7 +12,7 @@ from rclpy.node import Node
 
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.parameters import READING, detector_of, known_markers
+from retrolidar_ros.detector.parameters import READING, DetectorSettings
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
@@ -37,19 +35,22 @@ class DetectorNode(Node):
     ) -> None:
         """Declare parameters and subscribe.
 
-        With a board, frames come by `process_frame` and no topic. Board and sender are those of the
-        process, if it has them.
+        Board and sender are those of the process, if it has them; frames then come by
+        `process_frame`.
         """
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
         self._values = parameters.values
-        _check_child_frame(self._values)
-        self._known = known_markers(self._values)
+        child_frame = self._values['frame_prefix'] + self._values['child_frame']
+        self._values['child_frame'] = check_frame_id('child_frame', child_frame)
+        if child_frame.count(NAME) != 1:
+            raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
+        settings = DetectorSettings(self._values)
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._health = DetectorHealth(ZoneGrid())
-        self._begin(self._values, ZoneGrid())
+        self._begin(settings, ZoneGrid())
         self._sender = sender or TransformSender(self)
-        self._topics = DetectorTopics(self, self._known, self._values, self._sender)
+        self._topics = DetectorTopics(self, settings.known, self._values, self._sender)
         self._frame_id = ''
         self._number: int | None = None
         self._warned: set[str] = set()
@@ -60,20 +61,19 @@ class DetectorNode(Node):
         self._topic = (
             '' if board else subscribe(self, FrameMsg, 'frames', self._on_frame, FRAME_QOS)
         )
-        parameters.warn_of_misspelled()
 
-    def _begin(self, values: dict[str, Any], grid: ZoneGrid) -> None:
+    def _begin(self, settings: DetectorSettings, grid: ZoneGrid) -> None:
         """Begin to read frames of a grid; ValueError for impossible values."""
-        self._detector = detector_of(values, grid, self._known)
-        self._agreement = Agreement(values['min_readings'])
-        self._grid = grid
+        self._detector = settings.detector(grid)
+        self._agreement = Agreement(settings.values['min_readings'])
+        self._settings, self._grid = settings, grid
         self._health.restart(grid)
 
     def _change(self, values: dict[str, Any]) -> None:
         """Apply new values; ValueError for impossible ones."""
         with self._lock:
             if any(values[name] != self._values[name] for name in READING):
-                self._begin(values, self._grid)
+                self._begin(self._settings.changed(**values), self._grid)
                 self.get_logger().info('the detector restarts with other parameters')
             self._topics.change(values)
             self._values = values
@@ -96,17 +96,14 @@ class DetectorNode(Node):
         self.process_frame(frame, message.header.frame_id, max_lost)
 
     def process_frame(self, frame: Frame, frame_id: str, max_lost: int | None = 0) -> None:
-        """Read markers with the next frame, seen from a TF frame.
-
-        On the way here at most `max_lost` before it were lost, if that is known.
-        """
+        """Read markers with the next frame, before which at most `max_lost` were lost."""
         with self._lock:
             began_s = time.perf_counter()
             if self._frame_id not in ('', frame_id):
                 self._health.foreign += 1
             if frame.grid != self._grid or frame_id != self._frame_id:
                 self._frame_id = frame_id
-                self._begin(self._values, frame.grid)
+                self._begin(self._settings, frame.grid)
             age_s = (self.get_clock().now().nanoseconds - frame.stamp_ns) * 1e-9
             if self._health.monitor.take(frame, max_lost):
                 self._read(frame, frame_id)
@@ -124,7 +121,6 @@ class DetectorNode(Node):
         self._topics.follow(self._detector, self._agreement, frame, frame_id)
 
     def _log_rejected(self) -> None:
-        """Log the candidates rejected with the newest frame."""
         if not isinstance(self._detector, LikelihoodDetector):
             return
         for candidate in self._detector.candidates:
@@ -138,12 +134,10 @@ class DetectorNode(Node):
     def _examine(self) -> Health:
         # Includes nodes that have just been killed.
         found = self.get_publishers_info_by_topic(self._topic) if self._topic else []
-        publishers = [
-            f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' for publisher in found
-        ]
+        publishers = [f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found]
         with self._lock:
             counts = self._detector.counts
-            health = self._health.examine(self._values, self._known, counts, publishers)
+            health = self._health.examine(self._settings, counts, publishers)
             health.values['withheld by min_readings'] = str(self._agreement.withheld)
         self._sender.listen()
         if shared := self._sender.problem(self._frame_id):
@@ -155,11 +149,3 @@ class DetectorNode(Node):
                 self._warned.add(kind)
                 self.get_logger().warning(text)
         return health
-
-
-def _check_child_frame(values: dict[str, Any]) -> None:
-    """Put the prefix before `child_frame`; ValueError if TF refuses it, or no marker is named."""
-    child_frame = values['frame_prefix'] + values['child_frame']
-    values['child_frame'] = check_frame_id('child_frame', child_frame)
-    if child_frame.count(NAME) != 1:
-        raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')

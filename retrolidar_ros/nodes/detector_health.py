@@ -2,25 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of a detector, and its health over the last second."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Mapping
-from typing import Any
 
 from retrolidar_ros.detector import Detection, DetectorCounts
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
-from retrolidar_ros.detector.parameters import registered
-from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
+from retrolidar_ros.detector.parameters import DetectorSettings
+from retrolidar_ros.marker.known_markers import frame_of
 from retrolidar_ros.nodes.diagnostics import ERROR, PERIOD_S, STALE, WARN, Health
-from retrolidar_ros.sensor.frame import ZoneGrid
-from retrolidar_ros.sensor.frame_rate import stamps_stand
+from retrolidar_ros.sensor.frame import ZoneGrid, stamps_stand
 
 _SILENCE_S = 2.0
-# A sensor that restarts resets its counter once.
-_MIXED = 2
-# Overloads in a second, of about six searches; a single one does no harm.
-_OVERLOADED = 3
+_MIXED = 2  # a sensor that restarts resets its counter once
+_OVERLOADED = 3  # of about six searches a second; a single one does no harm
 NO_FRAME = 'no frame has come'
 
 
@@ -28,10 +21,8 @@ class DetectorHealth:
     """Counts frames and detections."""
 
     def __init__(self, grid: ZoneGrid) -> None:
-        """Begin at zero."""
         self.monitor = FrameMonitor(grid)
-        self.foreign = 0
-        """Frames from another TF frame than the one before."""
+        self.foreign = 0  # frames from another TF frame than the one before
         self._dropped = 0
         self._reason = ''
         self._frame_s = self._examined_s = time.monotonic()
@@ -76,24 +67,16 @@ class DetectorHealth:
         }
 
     def examine(
-        self,
-        settings: Mapping[str, Any],
-        known: Mapping[int, KnownMarker],
-        counts: DetectorCounts,
-        publishers: list[str],
+        self, settings: DetectorSettings, counts: DetectorCounts, publishers: list[str]
     ) -> Health:
-        """Judge the time since the last call, usually a second.
-
-        It depends on the detector's parameters, the markers of its file, and the nodes that send
-        frames.
-        """
+        """Judge the time since the last call."""
         now = self._counts(counts)
         new = {name: number - self._then[name] for name, number in now.items()}
         self._then = now
         advance_ns, self._examined_ns = self._stamp_ns - self._examined_ns, self._stamp_ns
         frames = max(new['frames'], 1)
         values = {
-            'method': settings['method'],
+            'method': settings.values['method'],
             'processing [ms a frame]': f'{1e3 * self._busy_s / frames:.2f}',
             'age of frames when processed [ms]': f'{1e3 * self._age_s / frames:.1f}',
             'publishers of frames': str(len(publishers)),
@@ -101,16 +84,14 @@ class DetectorHealth:
             'accepted': str(counts.accepted),
             'impossible samples': str(counts.impossible),
             **{name: str(number) for name, number in now.items()},
-            **{
-                f'rejected: {name}': str(number) for name, number in sorted(counts.rejected.items())
-            },
+            **{f'rejected: {name}': str(one) for name, one in sorted(counts.rejected.items())},
         }
         self._busy_s = self._age_s = 0.0
         now_s = time.monotonic()
-        for identity in sorted({*known, *registered(settings, known)}):
+        for identity in sorted({*settings.known, *settings.registered}):
             read_s = self._read_s.get(identity)
             age = 'never' if read_s is None else f'{now_s - read_s:.1f}'
-            values[f'since last reading of {frame_of(identity, known)} [s]'] = age
+            values[f'since last reading of {frame_of(identity, settings.known)} [s]'] = age
         # While this process was suspended, it received nothing.
         self._frame_s += max(now_s - self._examined_s - PERIOD_S, 0.0)
         self._examined_s, silence_s = now_s, now_s - self._frame_s
@@ -119,10 +100,10 @@ class DetectorHealth:
         if silence_s > _SILENCE_S and not new['dropped frames']:
             return Health([(STALE, f'{NO_FRAME} for {silence_s:.0f} s')], values)
         problems = self._disturbances(new, publishers)
-        unread = self.monitor.unread(settings, known)
+        unread = self.monitor.unread(settings)
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
             problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
-        elif rate := self.monitor.rate(settings['bit_period']):
+        elif rate := self.monitor.rate(settings.values['bit_period']):
             problems.append((WARN, str(rate)))
         if unread:
             problems.append((WARN, str(unread)))
@@ -130,7 +111,6 @@ class DetectorHealth:
         return Health(problems, values, f'{counts.accepted} packets accepted, {rejected} rejected')
 
     def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
-        """Return the disturbances of the last second's frames."""
         problems = []
         names = ('frames of another sensor', 'frames out of order', 'repeated frames')
         if sum(new[name] for name in names) >= _MIXED:
@@ -139,19 +119,15 @@ class DetectorHealth:
             problems.append((ERROR, text))
         elif lost := new['lost frames']:
             text = (
-                f'{lost} frames were lost between driver and detector, {self.monitor.lost} in '
-                'all: this host is too slow, or the network'
+                f'{lost} frames were lost between driver and detector, {self.monitor.lost} in all'
             )
-            problems.append((WARN, text))
+            problems.append((WARN, f'{text}: this host is too slow, or the network'))
         elif unsent := new['frames not sent']:
             text = f'{unsent} frames were not sent: lost before the driver, or it was not active'
             problems.append((WARN, text))
         if dropped := new['dropped frames']:
             problems.append((ERROR, f'{dropped} frames cannot be used: {self._reason}'))
         if (overloads := new['overloads']) >= _OVERLOADED:
-            text = (
-                f'search overloaded in {overloads} frames: more candidates than the limit; reduce '
-                'max_packets'
-            )
-            problems.append((WARN, text))
+            text = f'search overloaded in {overloads} frames: more candidates than the limit'
+            problems.append((WARN, f'{text}; reduce max_packets'))
         return problems

@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The topics of a detector: detections, tracks, their transforms, and standard messages."""
 
-from __future__ import annotations
-
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -36,8 +34,7 @@ try:
     from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 except ImportError:  # not installed: no subscribers
     Detection3DArray = None
-NAME = '{name}'
-"""What stands for a marker's name in the parameter `child_frame`."""
+NAME = '{name}'  # what stands for a marker's name in the parameter `child_frame`
 _MAX_POSES = 100
 _BEAT_PERIOD_S = 0.2
 _SHAPE_PERIOD_NS = 60_000_000  # of tracks
@@ -50,7 +47,7 @@ class DetectorTopics:
     def __init__(
         self,
         node: Node,
-        known: dict[int, KnownMarker],
+        known: Mapping[int, KnownMarker],
         values: dict[str, Any],
         sender: TransformSender,
     ) -> None:
@@ -72,8 +69,8 @@ class DetectorTopics:
             known = {}
         topics = topics_of('poses/', [marker.frame for marker in known.values()])
         self._poses = {
-            identity: publisher(node, PoseStamped, topic, LATCHED)
-            for identity, topic in zip(known, topics, strict=True)
+            marker.id: publisher(node, PoseStamped, topics[marker.frame], LATCHED)
+            for marker in known.values()
         }
         self._beat_s = -math.inf
         self._sent_ns = self._drawn_ns = self._dropped = 0
@@ -138,10 +135,8 @@ class DetectorTopics:
 
     def publish(self, detections: list[Detection], stamp_ns: int, frame_id: str) -> None:
         """Publish the detections of one frame, transforms first: subscribers look them up."""
-        messages = [
-            to_detection_msg(detection, frame_id, self._child_frame(detection.id))
-            for detection in detections
-        ]
+        child = self._child_frame
+        messages = [to_detection_msg(one, frame_id, child(one.id)) for one in detections]
         if not self._has_tracks:
             self._send(messages)
         for message in messages:
@@ -168,9 +163,7 @@ class DetectorTopics:
     def _draw(self, messages: Sequence[Marked]) -> None:
         if self._drawn.get_subscription_count():
             stale_after_s = self._values['stale_after']
-            shapes = [
-                shape for message in messages for shape in marker_shapes(message, stale_after_s)
-            ]
+            shapes = [shape for one in messages for shape in marker_shapes(one, stale_after_s)]
             self._drawn.publish(MarkerArray(markers=shapes))
 
 
@@ -180,10 +173,7 @@ def to_array(header: Header, messages: list[MarkerDetection]) -> MarkerDetection
 
 
 def to_detections(messages: list[MarkerDetection]) -> Any:
-    """Return detections of one frame as a `vision_msgs/Detection3DArray`.
-
-    The class of a hypothesis is the ID, and its score the correlation with the sent packet.
-    """
+    """Return detections of one frame as a `vision_msgs/Detection3DArray`; a class is an ID."""
     array = Detection3DArray(header=messages[0].header)
     for message in messages:
         hypothesis = ObjectHypothesisWithPose(pose=message.pose)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of a node on `/diagnostics`, once a second."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -22,16 +20,13 @@ PERIOD_S = 1.0
 class Health(NamedTuple):
     """The health of a node."""
 
-    problems: list[tuple[bytes, str]]
-    """Level and text of each."""
+    problems: list[tuple[bytes, str]]  # level and text of each
     values: dict[str, str]
-    fine: str = ''
-    """What is said if there are no problems."""
+    fine: str = ''  # what is said if there are no problems
     hardware_id: str = ''
 
 
-HealthCheck = Callable[[], Health]
-"""Judges the time since its last call."""
+HealthCheck = Callable[[], Health]  # judges the time since its last call
 
 
 class DiagnosticsPublisher:

@@ -2,37 +2,76 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `driver` node: from the serial port to `frames` and other topics."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from threading import Event, Thread
 from typing import Any
 
 import rclpy
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.lifecycle import Node as LifecycleNode
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from std_srvs.srv import Trigger
 
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import (
+    to_camera_info,
+    to_depth_image,
+    to_frame_msg,
+    to_point_cloud,
+    to_signal_image,
+)
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
-from retrolidar_ros.nodes.frame_topics import FrameTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.sensor_services import offer_services
+from retrolidar_ros.nodes.qos import FRAME_QOS, STREAM, publisher
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.identity import Command
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource
 
-FrameCallback = Callable[[Frame, str], None]
-"""Takes a frame, stamped in ROS time, and the TF frame that it was seen from."""
+FrameCallback = Callable[[Frame, str], None]  # takes a stamped frame and its TF frame
+
+_PATIENCE_S = 1.0  # for an answer: a sensor needs a frame period, the thread 0.2 s
+_DONE = {
+    Command.START: 'the sensor is ranging',
+    Command.STOP: 'the sensor is stopped',
+    Command.RESET: 'the sensor restarts',
+}
+_COUNT_PERIOD_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
+
+
+class FrameTopics:
+    """The topics `frames`, `points`, `signal_image`, and those of a depth camera (REP 118)."""
+
+    def __init__(self, node: Node, frame_id: str) -> None:
+        """Make the publishers; the optical frame is `frame_id`."""
+        self._frame_id = frame_id
+        self._subscribed: list[tuple[Any, Callable[..., Any]]] = []
+        self._topics: list[tuple[Any, Callable[..., Any]]] = [
+            (publisher(node, FrameMsg, 'frames', FRAME_QOS), to_frame_msg),
+            (publisher(node, PointCloud2, 'points', STREAM), to_point_cloud),
+            (publisher(node, Image, 'signal_image', STREAM), to_signal_image),
+            (publisher(node, Image, 'depth/image_raw', STREAM), to_depth_image),
+            (publisher(node, CameraInfo, 'depth/camera_info', STREAM), to_camera_info),
+        ]
+
+    def publish(self, frame: Frame) -> None:
+        """Publish a frame, stamped in ROS time, on all topics with subscribers."""
+        if frame.sequence % _COUNT_PERIOD_FRAMES == 0:
+            self._subscribed = [one for one in self._topics if one[0].get_subscription_count()]
+        for topic, convert in self._subscribed:
+            topic.publish(convert(frame, self._frame_id))
 
 
 class DriverNode(LifecycleNode):
     """Publishes the sensor's frames with the time of their exposure.
 
-    Configured, it reads the port, in a thread of its own, so nothing that the executor does delays
-    a frame; active, it publishes. With the parameter autostart it becomes active by itself.
+    Configured, it reads the port in a thread of its own, so nothing delays a frame; active, it
+    publishes.
     """
 
     def __init__(
@@ -41,17 +80,7 @@ class DriverNode(LifecycleNode):
         board: DiagnosticsPublisher | None = None,
         **options: Any,
     ) -> None:
-        """Declare parameters, and start reading with autostart.
-
-        Parameters
-        ----------
-        on_frame : callable, optional
-            Gets every frame directly, not by a topic.
-        board : DiagnosticsPublisher, optional
-            Of the process, if it has one.
-        **options
-            As for any node.
-        """
+        """Declare parameters, and start with autostart; `on_frame` gets frames without a topic."""
         # Set before super().__init__(): if that raises, rclpy calls destroy_node(), which needs
         # these.
         self._source: SerialSource | None = None
@@ -69,11 +98,11 @@ class DriverNode(LifecycleNode):
         frame_id = self._values['frame_prefix'] + self._values['frame_id']
         self._frame_id = check_frame_id('frame_id', frame_id)
         self._topics = FrameTopics(self, self._frame_id)
-        parameters.warn_of_misspelled()
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
-        offer_services(self, lambda: self._source)
+        for command in _DONE:
+            self.create_service(Trigger, f'~/{command.value}', partial(self._serve, command))
         self._watch = None if on_frame else DetectorWatch(self)
         (board or DiagnosticsPublisher(self)).register_health_check(self, 'frames', self._examine)
         if self._values['autostart']:
@@ -196,7 +225,6 @@ class DriverNode(LifecycleNode):
                 self._on_frame(stamped, self._frame_id)
 
     def _examine(self) -> Health:
-        """Judge the last second."""
         source = self._source
         if self._is_finalized:
             return Health([(WARN, 'finalized: the node was shut down; start it again')], {})
@@ -214,3 +242,25 @@ class DriverNode(LifecycleNode):
         if self._watch is not None and (silent := self._watch.problem()):
             health.problems.append((WARN, silent))
         return health
+
+    def _serve(
+        self, command: Command, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Answer a service: that blocks the executor, but no frame, for a second at most."""
+        problem = self._command(command)
+        response.success, response.message = not problem, problem or _DONE[command]
+        return response
+
+    def _command(self, command: Command) -> str:
+        """Send a command to the sensor; return why it has no effect, or ''."""
+        if (source := self._source) is None:
+            return 'not configured: the port is closed'
+        if not source.is_open:
+            return source.problem
+        if source.reader.commands is None:
+            return 'this protocol has no commands'
+        try:
+            is_done = source.reader.commands.ask(command, _PATIENCE_S)
+        except TimeoutError as error:
+            return f'{error}: flash a firmware that knows commands, such as firmware/reader'
+        return '' if is_done else f'the sensor has not obeyed {command.value}'

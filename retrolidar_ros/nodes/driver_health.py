@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The counters of a driver, its health over the last second, and whether its detector lives."""
 
-from __future__ import annotations
-
 import time
 from typing import NamedTuple
 
@@ -13,14 +11,11 @@ from std_msgs.msg import Header
 
 from retrolidar_ros.nodes.diagnostics import ERROR, WARN, Health
 from retrolidar_ros.sensor.clock import ClockMap
-from retrolidar_ros.sensor.frame import IS_NORMAL, Frame
-from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
+from retrolidar_ros.sensor.frame import IS_NORMAL, Frame, missing_frames, stamps_stand
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.sensor.wire import WireCounts
 
-# Share of abnormal zones above which the sensor or its window is faulty: looking
-# into a room, a quarter of them is usual.
-_MANY_ABNORMAL = 0.75
+_MANY_ABNORMAL = 0.75  # share of zones of a faulty sensor; into a room, a quarter is usual
 _SILENCE_S = 0.8
 NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped'
 
@@ -34,17 +29,14 @@ class _Counts(NamedTuple):
     untimed: int = 0
     zones: int = 0
     normal: int = 0
-    late_ns: int = 0
-    """Sum over the frames, from the middle of the exposure until they were published."""
-    stamp_ns: int = 0
-    """Of the newest frame."""
+    late_ns: int = 0  # sum over the frames, from mid-exposure until they were published
+    stamp_ns: int = 0  # of the newest frame
 
 
 class DriverTally:
     """Counts frames in one thread, and is examined in another."""
 
     def __init__(self) -> None:
-        """Begin at zero."""
         self._counts = self._then = _Counts()
         self._received, self._examined_s = WireCounts(), time.monotonic()
         self._last_sequence: int | None = None
@@ -107,13 +99,9 @@ class DriverTally:
 
 
 class DetectorWatch:
-    """Watches the heartbeat of the detector that takes a driver's frames.
-
-    A detector that was killed, or hangs, cannot report it.
-    """
+    """Watches the heartbeat of the detector, which cannot report that it was killed, or hangs."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe for a driver."""
         self._beat_s: float | None = None
         self._frame_s = 0.0
         node.create_subscription(Header, 'detector/heartbeat', self._beat, 10)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `emulated_arm` node: TF and description of an arm that moves the emulated sensor."""
 
-from __future__ import annotations
-
 import time
 from xml.sax.saxutils import quoteattr
 
@@ -47,8 +45,7 @@ class EmulatedArmNode(Node):
     def __init__(self) -> None:
         """Declare parameters, and wait for a frame, which names the sensor's TF frame."""
         super().__init__('emulated_arm')
-        parameters = Parameters(self, 'emulated_arm')
-        values = parameters.values
+        values = Parameters(self, 'emulated_arm').values
         self._base = check_frame_id('fixed_frame', values['fixed_frame'])
         try:
             self._path = load_scene(values['scene']).sensor.path or _STILL
@@ -66,7 +63,6 @@ class EmulatedArmNode(Node):
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
         repeat(self, _PERIOD_S, self._send_pose)
-        parameters.warn_of_misspelled()
 
     def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
@@ -95,7 +91,6 @@ class EmulatedArmNode(Node):
         return True
 
     def _send_pose(self) -> None:
-        """Send where the sensor is now."""
         if not self._sensor:
             return
         time_s = np.array([max(time.monotonic() - self._start_s, 0.0)])

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `heartbeat` node: warns when a marker is overdue, and counts how often it came (§7.2)."""
 
-from __future__ import annotations
-
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
@@ -23,7 +21,6 @@ class HeartbeatNode(Node):
     """Publishes whether all of some markers were read recently."""
 
     def __init__(self) -> None:
-        """Declare parameters and subscribe."""
         super().__init__('heartbeat')
         parameters = Parameters(self, 'heartbeat')
         self._prefix = parameters.values['frame_prefix']
@@ -39,7 +36,6 @@ class HeartbeatNode(Node):
         DiagnosticsPublisher(self).register_health_check(self, 'markers', self._examine)
         source = parameters.values['source']
         self._detections = DetectionSubscriber(self, source, self._on_detection)
-        parameters.warn_of_misspelled()
         repeat(self, _TICK_S, self._tick)
 
     def _change(self, values: dict[str, float]) -> None:
@@ -52,7 +48,10 @@ class HeartbeatNode(Node):
         name = message.child_frame_id.removeprefix(self._prefix)
         now_s = self._now_s()
         if name in self._hearts and now_s:
-            self._hearts[name].beat(now_s, _unseen_s(message))
+            unseen_s = 0.0
+            if isinstance(message, MarkerTrack):
+                unseen_s = 1e-9 * (to_ns(message.header.stamp) - to_ns(message.last))
+            self._hearts[name].beat(now_s, max(unseen_s, 0.0))
             self._tick()
 
     def _tick(self) -> None:
@@ -91,10 +90,3 @@ class HeartbeatNode(Node):
         elif not self._is_alive:
             problems.append((WARN, 'not all markers have been read yet'))
         return Health(problems, values, 'all markers are read')
-
-
-def _unseen_s(message: Marked) -> float:
-    """Return for how long a marker was unseen at the stamp of its message [s]."""
-    if isinstance(message, MarkerTrack):
-        return max(1e-9 * (to_ns(message.header.stamp) - to_ns(message.last)), 0.0)
-    return 0.0

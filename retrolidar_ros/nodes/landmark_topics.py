@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The topics of landmarks: a pose for each, its transform, and shapes of all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -14,7 +12,7 @@ from tf2_ros import TransformBroadcaster
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
-from retrolidar_ros.nodes.qos import LATCHED, latched, publisher, topics_of
+from retrolidar_ros.nodes.qos import LATCHED, latched, publisher, topic_part
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.nodes.visualization import landmark_shapes
 from retrolidar_ros.tasks.landmarks import Estimate
@@ -32,8 +30,7 @@ class LandmarkTopics:
         self._fixed = fixed_frame
         self._child_frame = child_frame
         self._poses: dict[str, Publisher] = {}
-        self._taken: set[str] = set()
-        """Frames that have another parent."""
+        self._taken: set[str] = set()  # frames that have another parent
         self._broadcaster = TransformBroadcaster(node) if send else None
         self._shapes = publisher(node, MarkerArray, '~/marker_array', LATCHED)
         self._shapes_due = False
@@ -43,7 +40,7 @@ class LandmarkTopics:
         name = estimate.name
         header = to_header(round(max(estimate.stamp_s, 0.0) * 1e9), self._fixed)
         if name not in self._poses:
-            (topic,) = topics_of('~/objects/', [name])
+            topic = f'~/objects/{topic_part(name)}'
             self._poses[name] = latched(self._node, PoseWithCovarianceStamped, topic)
             deviation_mm = 1e3 * estimate.stddev_m
             self._node.get_logger().info(f'{name} is placed, to ±{deviation_mm:.0f} mm so far')

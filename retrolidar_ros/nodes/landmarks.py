@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `landmarks` node: objects with markers in a fixed frame, or a robot among known ones."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path
@@ -18,19 +16,18 @@ from std_srvs.srv import Trigger
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.marker.known_markers import objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
+from retrolidar_ros.nodes.detection_subscriber import TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
-from retrolidar_ros.nodes.qos import STREAM, publisher, topics_of
+from retrolidar_ros.nodes.qos import STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import repeat
-from retrolidar_ros.nodes.tf_filter import TransformedDetections
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.tasks.backlog import Backlog, Batch
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior
-from retrolidar_ros.tasks.survey import Survey
+from retrolidar_ros.tasks.survey import Backlog, Batch, Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
 # Every tick, readings are solved for so long: half a core at most. The others wait.
@@ -45,8 +42,7 @@ class LandmarksNode(Node):
     def __init__(self) -> None:
         """Declare parameters, load known landmarks, and subscribe."""
         super().__init__('landmarks')
-        parameters = Parameters(self, 'landmarks')
-        self._values = values = parameters.values
+        self._values = values = Parameters(self, 'landmarks').values
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])
         markers = known_markers(values)
         objects = objects_of(markers)
@@ -59,7 +55,7 @@ class LandmarksNode(Node):
         )
         frame, known = self._load(values['load_file'])
         names = sorted({*known, *objects})
-        self._owners = dict(zip(topics_of('~/objects/', names), names, strict=True))
+        self._owners = {topic: name for name, topic in topics_of('~/objects/', names).items()}
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
@@ -83,12 +79,7 @@ class LandmarksNode(Node):
         self.create_service(Trigger, '~/forget', self._forget)
         DiagnosticsPublisher(self).register_health_check(self, 'landmarks', self._examine)
         self._readings = TransformedDetections(
-            self,
-            self._fixed,
-            values['patience'],
-            self._on_reading,
-            self._restart,
-            values['topics'],
+            self, self._fixed, values['patience'], self._on_reading, self._restart, values['topics']
         )
         self._topics = LandmarkTopics(
             self,
@@ -97,7 +88,6 @@ class LandmarksNode(Node):
             values['frame_prefix'] + values['child_frame'],
             values['publish_tf'],
         )
-        parameters.warn_of_misspelled()
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
         repeat(self, _TICK_S, self._solve)
@@ -112,7 +102,6 @@ class LandmarksNode(Node):
             raise ValueError(f'load_file: {error}') from error
 
     def _on_reading(self, reading: Reading, message: Marked) -> None:
-        """Queue a reading."""
         name = 'room'
         if self._room is None:
             # Each of several sensors may have a name of its own for a marker.
@@ -140,7 +129,7 @@ class LandmarksNode(Node):
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings."""
-        (topic,) = topics_of('~/objects/', [batch.name])
+        topic = f'~/objects/{topic_part(batch.name)}'
         try:
             owner = self._owners.get(topic, batch.name)
             if owner != batch.name:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared by all launch files: the arguments of a sensor, and the start of a node.
 
-An error during the setup of a launch ends it, but not the processes started by then. So all
-arguments are checked before the first process starts.
+An error ends the setup of a launch, but not the processes started by then. So all arguments are
+checked before the first one starts.
 """
 
 from __future__ import annotations
@@ -77,8 +77,7 @@ SENSOR: dict[str, tuple[Any, str]] = {
 }
 """Those of every launch file for one sensor."""
 _MIN_DELAY_S = 0.1
-_MISCONFIGURED = 2
-"""Exit code of a node with wrong parameters or files; a restart would not help."""
+_MISCONFIGURED = 2  # exit code of a node with wrong parameters or files; a restart would not help
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 
 
@@ -93,7 +92,8 @@ def launch_description(
     ]
 
     def checked(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        _check_markers(context, 'detector')
+        # ValueError if the file cannot be used.
+        known_markers({'marker_file': parameter(context, 'detector', 'marker_file')})
         return start(context)
 
     return LaunchDescription([*declared_arguments, OpaqueFunction(function=checked)])
@@ -163,18 +163,13 @@ def parameter(context: LaunchContext, kind: str, name: str) -> Any:
     return found
 
 
-def _check_markers(context: LaunchContext, kind: str) -> None:
-    """Raise ValueError if the marker file of a node cannot be used."""
-    known_markers({'marker_file': parameter(context, kind, 'marker_file')})
-
-
 def node(
     context: LaunchContext, executable: str, parameters: dict[str, Any], **options: Any
 ) -> Node:
     """Return a node of the package, with parameters that go before those of the file."""
     parameters = dict(parameters)
     if 'marker_file' in declared()[executable]:
-        _check_markers(context, executable)
+        known_markers({'marker_file': parameter(context, executable, 'marker_file')})
     level = value(context, 'log_level')
     if level.rpartition(':=')[2].lower() not in _LEVELS:
         raise RuntimeError(f'log_level:={level}: it needs one of {", ".join(_LEVELS)}')

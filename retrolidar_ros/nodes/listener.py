@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node that collects what driver and detector publish, for the demo and the tests."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 
@@ -26,8 +24,7 @@ class Listener:
 
     def __init__(self, namespace: str) -> None:
         """Join the graph; the context is this object's own."""
-        self.frames: list[tuple[FrameMsg, int]] = []
-        """Each with the host time of its receipt [ns]."""
+        self.frames: list[tuple[FrameMsg, int]] = []  # each with the host time of its receipt [ns]
         self.markers: list[tuple[MarkerDetection, int]] = []
         self.transforms: list[TransformStamped] = []
         self._context = rclpy.Context()
@@ -76,14 +73,12 @@ class Listener:
 
     def untransformed(self) -> set[int]:
         """Return the IDs of detections whose transforms have not come."""
-        sent = {
-            (message.child_frame_id, to_ns(message.header.stamp)) for message in self.transforms
-        }
-        return {
-            message.id
-            for message, _ in self.markers
-            if (message.child_frame_id, to_ns(message.header.stamp)) not in sent
-        }
+
+        def key(message: TransformStamped | MarkerDetection) -> tuple[str, int]:
+            return message.child_frame_id, to_ns(message.header.stamp)
+
+        sent = set(map(key, self.transforms))
+        return {message.id for message, _ in self.markers if key(message) not in sent}
 
     def close(self) -> None:
         """Leave the graph."""

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of nodes: their spec in ROS, and changes while a node runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -31,6 +29,7 @@ class Parameters:
         self.values: dict[str, Any] = {
             name: self._declare(name, spec) for name, spec in self._declared.items()
         }
+        self._warn_of_misspelled()
 
     def _declare(self, name: str, spec: Declared) -> Any:
         # The type is open until the value is checked: 50 does for 50.0, and an empty list has no
@@ -64,10 +63,7 @@ class Parameters:
         return value
 
     def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
-        """Let live parameters be set.
-
-        `apply` gets the new values of all; its ValueError rejects them, and tells why.
-        """
+        """Let live parameters be set; a ValueError of `apply` rejects the values of all."""
 
         def change(parameters: Sequence[Parameter]) -> SetParametersResult:
             values = dict(self.values)
@@ -83,12 +79,8 @@ class Parameters:
 
         self._node.add_on_set_parameters_callback(change)
 
-    def warn_of_misspelled(self) -> None:
-        """Log a warning for each parameter that was set and that this node has not.
-
-        What resembles none of its own is not warned of: `/**:` in a parameter file addresses other
-        nodes, too.
-        """
+    def _warn_of_misspelled(self) -> None:
+        """Warn of each parameter that was set, and that is nearly one of this node."""
         # Not public; what is, automatically_declare_parameters_from_overrides, would declare each.
         for name in self._node._parameter_overrides:
             of_others = any(name in declarations for declarations in declared().values())

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics: their names, and qualities that parameters `qos_overrides.TOPIC.…` may change."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -22,8 +20,7 @@ STREAM = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 """QoS of a sensor's topics: reliable, so that reliable and best-effort subscribers connect."""
 FRAME_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """QoS of frames for a detector, which needs all: the queue covers a stall of 20 s."""
-EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""QoS of events, which come in bursts."""
+EVENTS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)  # come in bursts
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Latched: late-joining subscribers receive the last message."""
 _OVERRIDABLE = QoSOverridingOptions.with_default_policies()
@@ -37,8 +34,8 @@ def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publi
 def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
     """Return a publisher of a latched topic.
 
-    No subscriber requests more than it offers, so it waits for no incompatible one: an executor
-    looks through all such events with each message, and some nodes have hundreds of these topics.
+    It takes no events: with each message an executor looks through all, of hundreds of these
+    topics.
     """
     silent = PublisherEventCallbacks(use_default_callbacks=False)
     return node.create_publisher(kind, topic, LATCHED, event_callbacks=silent)
@@ -47,10 +44,7 @@ def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
 def subscribe(
     node: Node, kind: type[Any], topic: str, callback: Callable[..., None], qos: QoSProfile
 ) -> str:
-    """Subscribe likewise; return the topic's full name.
-
-    `callback` gets the message, and if it takes two arguments what rclpy knows of it, a dictionary.
-    """
+    """Subscribe likewise; return the topic's full name. A callback may take rclpy's info, too."""
     made = node.create_subscription(kind, topic, callback, qos, qos_overriding_options=_OVERRIDABLE)
     return str(made.topic_name)
 
@@ -61,8 +55,8 @@ def topic_part(frame: str) -> str:
     return f'_{part}' if part[0].isdigit() else part
 
 
-def topics_of(prefix: str, names: Sequence[str]) -> list[str]:
-    """Return a topic for each name; ValueError if two would share one."""
+def topics_of(prefix: str, names: Sequence[str]) -> dict[str, str]:
+    """Return a topic by each name; ValueError if two would share one."""
     owners: dict[str, str] = {}
     for name in names:
         topic = prefix + topic_part(name)
@@ -71,4 +65,4 @@ def topics_of(prefix: str, names: Sequence[str]) -> list[str]:
                 f'{owners[topic]} and {name} would share the topic {topic}: rename one of them'
             )
         owners[topic] = name
-    return list(owners)
+    return {name: topic for topic, name in owners.items()}

@@ -1,11 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The `reader`: driver and detector of one sensor, or of many, in one process.
-
-Frames are passed by a function call; topics are as of separate processes.
-"""
-
-from __future__ import annotations
+"""The `reader`: driver and detector of one sensor, or of many, in one process."""
 
 from typing import Any
 
@@ -24,15 +19,14 @@ from retrolidar_ros.nodes.transforms import TransformSender
 def create_nodes() -> list[Node]:
     """Return the nodes of the process, drivers first; ValueError for impossible parameters."""
     reader = Node('reader')
-    parameters = Parameters(reader, 'reader')
-    parameters.warn_of_misspelled()
-    ports, names = parameters.values['ports'], parameters.values['names']
+    values = Parameters(reader, 'reader').values
+    ports, names = values['ports'], values['names']
     names = names or [f'sensor{index}' for index in range(len(ports))]
     if len(names) != len(ports):
         raise ValueError(f'names: {len(names)} of them for {len(ports)} ports')
-    for what, values in (('names', [topic_part(name) for name in names]), ('ports', ports)):
-        if len(set(values)) < len(values):
-            raise ValueError(f'{what}: {", ".join(values)} are not all different')
+    for what, given in (('names', [topic_part(name) for name in names]), ('ports', ports)):
+        if len(set(given)) < len(given):
+            raise ValueError(f'{what}: {", ".join(given)} are not all different')
     board, sender = DiagnosticsPublisher(reader), TransformSender(reader)
     if not ports:
         detector = DetectorNode(board, sender)

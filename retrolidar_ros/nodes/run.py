@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The life of a process of nodes: start, spin, end without a traceback."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -26,8 +24,8 @@ from retrolidar_ros.settings.printing import printable
 def run(create: Callable[[], Node | list[Node]]) -> int:
     """Spin a node, or several, until interrupted; return the exit code of the process.
 
-    An impossible parameter or parameter file gives one line and exit code 2. Nodes end in the order
-    listed.
+    An impossible parameter or parameter file gives one line and exit code 2. Nodes end in their
+    order.
     """
     signals = _signals()
     try:
@@ -68,8 +66,8 @@ def repeat(node: Node, period_s: float, callback: Callable[[], None]) -> None:
 def _signals() -> int:
     """Return a file descriptor to which the numbers of termination signals are written.
 
-    They do nothing else: an exception between any two steps of a library would leave it half done,
-    and `ros2 launch` passes on the interrupt that a terminal has already sent to all.
+    They do nothing else: an exception would leave a library half done anywhere, and `ros2 launch`
+    passes on the interrupt that a terminal has already sent to all.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)

@@ -32,7 +32,6 @@ class TransformFinder:
     """Looks up transforms between frames."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe to TF with `node`."""
         self._buffer = Buffer()
         self._listener = TransformListener(self._buffer, node)
 
@@ -45,10 +44,7 @@ class TransformFinder:
         return dict(_PARENT.findall(self._buffer.all_frames_as_yaml()))
 
     def find(self, target: str, source: str, stamp: Time) -> tuple[Floats, Floats] | None:
-        """Return translation [m] and rotation matrix from source to target frame.
-
-        None if that is not known for this time, or not yet.
-        """
+        """Return translation [m] and rotation matrix at a time; None if not known, or not yet."""
         if target == source:
             return np.zeros(3), np.eye(3)
         if not self._buffer.can_transform(target, source, stamp):
@@ -65,11 +61,9 @@ class TransformSender:
         self._node = node
         self._lock = Lock()  # sending and receiving may be in different threads
         self._broadcaster: TransformBroadcaster | None = None
-        self._sent: dict[str, deque[int]] = {}
-        """Newest stamps [ns], by child frame."""
+        self._sent: dict[str, deque[int]] = {}  # newest stamps [ns], by child frame
         self._parents: dict[str, str] = {}
-        self._shared: dict[str, str] = {}
-        """Parents that other nodes give to our child frames."""
+        self._shared: dict[str, str] = {}  # parents that other nodes give to our child frames
         self._began_s = 0.0
         self._listener: Node | None = None
         self._executor = SingleThreadedExecutor(context=node.context)
@@ -96,9 +90,9 @@ class TransformSender:
     def listen(self) -> None:
         """Take what has come on `/tf`; call it about once a second.
 
-        It listens from time to time only: all of a robot's TF costs more than a detector. A node of
-        its own does, for an executor looks through all that its nodes have whenever a message
-        comes, which in a process of many sensors takes ten milliseconds.
+        It listens now and then, as all of a robot's TF costs more than a detector, and with a node
+        of its own: whenever a message comes, an executor looks through all that its nodes have,
+        which with many sensors takes ten milliseconds.
         """
         phase_s = (time.monotonic() - self._began_s) % _PERIOD_S
         is_due = bool(self._sent) and phase_s < _LISTENING_S

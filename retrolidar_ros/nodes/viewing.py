@@ -38,18 +38,9 @@ def viewer(
 ) -> list[Node]:
     """Return RViz if the launch argument `rviz` is on; RuntimeError if it is not installed.
 
-    Parameters
-    ----------
-    context : LaunchContext
-    frame : str
-        In TF, in which all is shown.
-    sensors : sequence of str
-        Namespaces of several sensors, below that of the launch.
-    upright : bool
-        Whether z of the frame is up, as of a robot's base; else it is a sensor's, which looks
-        there, without its prefix.
-    landmarks : bool
-        Whether there is a node `landmarks`.
+    All is shown in a TF frame: if upright, z is up, as of a robot's base; else it is a sensor's,
+    without its prefix. There may be several sensors, in namespaces below that of the launch, and
+    landmarks.
     """
     if not is_on(context, 'rviz'):
         return []

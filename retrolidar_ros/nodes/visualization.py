@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detections and landmarks as shapes that RViz and Foxglove draw."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

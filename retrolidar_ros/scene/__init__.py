@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The smallest model of marker, sensor and room that a scene asks for.
 
-`description` says what a scene may name and reads it from a file, `transmission` is what a
-marker's liquid crystal lets through, `optics` how much of it reaches which zone, `laboratory` what
-else happens on the way, and `simulation` what the sensor reports, with its noise.
+`description` reads it from a file, `transmission` is what a liquid crystal lets through, `optics`
+how much of it reaches which zone, `laboratory` what else happens, `simulation` what is reported.
 """
 
 from retrolidar_ros.scene.description import Scene, parse_scene

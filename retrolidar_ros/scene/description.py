@@ -31,13 +31,11 @@ size returns 100.4 times what a board does, which is 4 kcps/SPAD at 1.4 m; the c
 let a quarter of it pass."""
 
 Angle: TypeAlias = Annotated[float, quantity('angle', -math.pi / 2, math.pi / 2)]
-ClockError: TypeAlias = Annotated[float, quantity('share', -0.05, 0.05)]
-"""Relative error of a period."""
+ClockError: TypeAlias = Annotated[float, quantity('share', -0.05, 0.05)]  # of a period
 Length: TypeAlias = Annotated[float, quantity('length', 0)]
 Period: TypeAlias = Annotated[float, quantity('time', 1e-3, 10)]
 Share: TypeAlias = Annotated[float, quantity('share', 0, 1)]
-Signal: TypeAlias = Annotated[float, quantity('signal', 0)]
-"""[kcps/SPAD]"""
+Signal: TypeAlias = Annotated[float, quantity('signal', 0)]  # [kcps/SPAD]
 Time: TypeAlias = Annotated[float, quantity('time', 0)]
 
 
@@ -45,8 +43,7 @@ Time: TypeAlias = Annotated[float, quantity('time', 0)]
 class Noise:
     """Frame-to-frame variance of the signal: floor + slope · signal + ambient · ambient light."""
 
-    floor: Annotated[float, quantity('variance', 0)]
-    """[(kcps/SPAD)²]"""
+    floor: Annotated[float, quantity('variance', 0)]  # [(kcps/SPAD)²]
     slope: Signal
     ambient: Signal = 0.0
 
@@ -55,11 +52,9 @@ class Noise:
 class Ranging:
     """Standard deviation of the distance [m]: hypot(shot / signal, floor)."""
 
-    shot: Length
-    """At a signal of one kcps/SPAD."""
+    shot: Length  # at a signal of one kcps/SPAD
     floor: Length
-    offset: Annotated[float, quantity('length', -0.5, 0.5)] = 0.0
-    """By how much all ranges are too long [m]."""
+    offset: Annotated[float, quantity('length', -0.5, 0.5)] = 0.0  # excess of all ranges [m]
 
 
 def _check_second_sensor(second: SecondSensor, path: str) -> None:
@@ -71,26 +66,19 @@ def _check_second_sensor(second: SecondSensor, path: str) -> None:
 class SecondSensor:
     """Another sensor, not in step with this one, whose light is part of what this one sees."""
 
-    ambient: Signal
-    """By how much it raises the ambient light while it sends."""
+    ambient: Signal  # by how much it raises the ambient light while it sends
     period_s: Period
-    lasting_s: Time
-    """How long it sends in each of its periods."""
+    lasting_s: Time  # how long it sends in each of its periods
 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where something is at a time; between two of them it moves evenly.
-
-    After the last one the path restarts.
-    """
+    """Where something is at a time; between two it moves evenly, after the last it restarts."""
 
     time_s: Time
     position_m: Annotated[Triple, place()]
-    yaw_rad: Angle = 0.0
-    """To the right."""
-    pitch_rad: Angle = 0.0
-    """Upwards."""
+    yaw_rad: Angle = 0.0  # to the right
+    pitch_rad: Angle = 0.0  # upwards
 
 
 def _waypoints(value: Any, path: str) -> tuple[Waypoint, ...]:
@@ -120,41 +108,30 @@ class Sensor:
 
     grid: Annotated[ZoneGrid, _grid, 'zones'] = ZoneGrid()
     period_s: Period = 0.021
-    period_error: ClockError = 0.0
-    """Of the frame period."""
-    clock_error: ClockError = 0.0
-    """Of the clock that stamps the frames."""
-    jitter_s: Annotated[float, quantity('time', 0, 5e-3)] = 0.0
-    """Standard deviation of the time of a frame, before it is limited to twice that."""
-    blur: Share = 0.0
-    """Standard deviation of the optical blur, as a share of a zone's width."""
+    period_error: ClockError = 0.0  # of the frame period
+    clock_error: ClockError = 0.0  # of the clock that stamps the frames
+    jitter_s: Annotated[float, quantity('time', 0, 5e-3)] = 0.0  # deviation of a frame's time
+    blur: Share = 0.0  # standard deviation of the optical blur, as a share of a zone's width
     noise: Annotated[Noise | None, mapping(Noise)] = None
     ranging: Annotated[Ranging | None, mapping(Ranging)] = None
-    target_threshold: Signal = 0.0
-    """Below it the sensor reports no target; 0 = the last digit suffices."""
-    lost: Annotated[float, quantity('share', 0, 0.99)] = 0.0
-    """Share of frames that never arrive."""
-    abnormal: Share = 0.0
-    """Share of samples with an abnormal status and meaningless values."""
+    target_threshold: Signal = 0.0  # least signal of a target; 0 = the last digit suffices
+    lost: Annotated[float, quantity('share', 0, 0.99)] = 0.0  # share of frames that never arrive
+    abnormal: Share = 0.0  # share of samples with an abnormal status and meaningless values
     saturation: Annotated[float, quantity('signal', 1)] = math.inf
     """The most that a SPAD can count, one over its dead time [kcps/SPAD]."""
-    crosstalk: Signal = 0.0
-    """What a cover glass throws back, a target of its own at the sensor."""
+    crosstalk: Signal = 0.0  # what a cover glass throws back, a target of its own at the sensor
     second_sensor: Annotated[SecondSensor | None, mapping(SecondSensor, _check_second_sensor)] = (
         None
     )
-    path: Annotated[tuple[Waypoint, ...], _waypoints] = ()
-    """Poses in the frame of the scene; none = at its origin."""
+    path: Annotated[tuple[Waypoint, ...], _waypoints] = ()  # poses; none = at the origin
 
 
 @dataclass(frozen=True)
 class Wander:
     """A smooth motion about the marker's position: slow sines of unlike periods."""
 
-    across_m: Length
-    """Amplitude along x and along y."""
-    along_m: Length
-    """Amplitude along z."""
+    across_m: Length  # amplitude along x and along y
+    along_m: Length  # amplitude along z
     period_s: Annotated[float, quantity('time', 0.1)]
 
 
@@ -199,23 +176,17 @@ class Marker:
     id: Annotated[int, integer(0, IDS - 1)]
     position_m: Annotated[Triple, place()] = (math.nan, math.nan, math.nan)
     """In the optical frame: x right, y down, z forward; of one on a path where it begins."""
-    name: Annotated[str, text] = ''
-    """If none is given, that of its ID."""
-    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M
-    """Edge of the square retroreflector."""
+    name: Annotated[str, text] = ''  # if none is given, that of its ID
+    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M  # edge of its square
     yaw_rad: Angle = 0.0
     bit_period_s: Period = BIT_PERIOD_S
-    clock_error: ClockError = 0.0
-    """Of the bit period."""
-    start_s: Time = 0.0
-    """When its first packet begins; it is bright before."""
-    packets: Annotated[int | None, integer(1, 2**31)] = None
-    """How many packets it sends; None = without end."""
+    clock_error: ClockError = 0.0  # of the bit period
+    start_s: Time = 0.0  # when its first packet begins; it is bright before
+    packets: Annotated[int | None, integer(1, 2**31)] = None  # None = without end
     gap_bits: Annotated[int, integer(0, 10_000)] = 0
     signal_at_1_m: Annotated[float, quantity('signal', 1e-3), 'signal_at_1_m'] = SIGNAL_AT_1_M
     """Of a bright 3 cm one facing the sensor [kcps/SPAD]."""
-    contrast: Share = 1.0
-    """Share of its light that a dark crystal blocks."""
+    contrast: Share = 1.0  # share of its light that a dark crystal blocks
     response: Annotated[Response | None, mapping(Response)] = None
     wander: Annotated[Wander | None, mapping(Wander)] = None
     path: Annotated[tuple[Waypoint, ...], _waypoints] = ()
@@ -249,8 +220,7 @@ class MovingSurface:
     """A dull square facing the sensor, such as a hand, on a path; it hides what is behind it."""
 
     width_m: Annotated[float, quantity('length', 1e-3)]
-    signal: Signal
-    """Of a zone that it fills at 1 m."""
+    signal: Signal  # of a zone that it fills at 1 m
     path: Annotated[tuple[Waypoint, ...], _waypoints]
 
 
@@ -277,11 +247,5 @@ class Scene:
 
 
 def parse_scene(content: object) -> Scene:
-    """Return the scene that nested mappings and lists describe, as read from a YAML file.
-
-    Raises
-    ------
-    ConfigError
-        For what `mapping` refuses.
-    """
+    """Return the scene that a YAML file describes; ConfigError as of `mapping`."""
     return mapping(Scene, _check_scene)(content, '')

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor on a pseudo-terminal: it speaks protocol 1 in real time about a scene."""
+"""A sensor on a pseudo-terminal, with its firmware: it speaks protocol 1 about a scene."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 from retrolidar_ros.bag import FrameWriter
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.firmware import EmulatedFirmware
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.wire import DELIMITER
+from retrolidar_ros.sensor.identity import Command, Identity, encode_identity
+from retrolidar_ros.sensor.wire import DELIMITER, Splitter, encode_frame, encode_packet
 
 _BLOCK_S = 0.25  # computed ahead at a time
 _MAX_BYTES = 4096
 _LINGER_S = 0.25  # a hang-up discards what is still on the line
+VERSION = '0.1.0'  # that of `firmware/reader`
+_MAX_CHARACTERS = 15  # of a line
+_END = b'\n'
 
 
 class PortLink:
@@ -32,11 +36,8 @@ class PortLink:
     def __init__(self, path: Path) -> None:
         """Open a terminal and link `path` to it.
 
-        Raises
-        ------
-        FileExistsError
-            If there is something else at `path` than a link to a pseudo-terminal, which an
-            emulator that was killed may have left.
+        FileExistsError if there is something else than a link to a pseudo-terminal, which an
+        emulator that was killed may have left.
         """
         is_left_over = path.is_symlink() and Path(os.readlink(path)).parent == Path('/dev/pts')
         if path.exists() or (path.is_symlink() and not is_left_over):
@@ -73,10 +74,7 @@ class PortLink:
         os.close(self._master)
 
     def write(self, data: bytes) -> bool:
-        """Send bytes; return False if nobody listens or the listener does not keep up.
-
-        A packet that was cut off is ended by a delimiter, so that it does not cost the next.
-        """
+        """Send bytes, and a delimiter first after a torn packet; return False if nobody listens."""
         poll = select.poll()
         poll.register(self._master, select.POLLOUT)
         events = poll.poll(0)
@@ -112,10 +110,7 @@ class PortLink:
 def frames_in_real_time(
     scene: Scene, duration_s: float | None, start_ns: int, clock: Callable[[], int]
 ) -> Iterator[tuple[Frame, int]]:
-    """Yield each frame of a scene when its exposure ends, with the true time of its middle [ns].
-
-    The scene begins at a time of the clock [ns], and without a duration it does not end.
-    """
+    """Yield each frame of a scene when its exposure ends, with its true time by the clock [ns]."""
     simulation = Simulation(scene)
     for block in simulation.blocks(duration_s, max(1, round(_BLOCK_S / simulation.period_s))):
         for frame in block:
@@ -136,8 +131,8 @@ def emulate(
 ) -> tuple[int, int]:
     """Serve a scene at a port until it ends or is interrupted; return frames sent and lost.
 
-    Frames that nobody takes are lost, as on a real line; a stopped sensor sends none. The scene
-    begins at a time of the monotonic clock, or when the port is there.
+    Frames that nobody takes are lost, and a stopped sensor sends none. The scene begins at a time
+    of the monotonic clock, or when the port is there.
     """
     sent = lost = 0
     firmware = EmulatedFirmware(str(link))
@@ -167,3 +162,45 @@ def record(scene: Scene, path: Path, storage: str, duration_s: float) -> int:
                 bag.write(replace(frame, stamp_ns=start_ns + frame.stamp_ns))
                 frames += 1
     return frames
+
+
+class EmulatedFirmware:
+    """Stands between the frames of a scene and the line."""
+
+    def __init__(self, name: str) -> None:
+        """Begin to range; the serial number depends on a name."""
+        self._serial = sha256(name.encode()).hexdigest()[:24]
+        self._lines = Splitter(_END, _MAX_CHARACTERS)
+        self._is_ranging = True
+        self._is_reset = False
+        self._begin_us = 0
+        self._uncounted = 0  # frames of the scene before a reset, or while stopped
+
+    def answer(self, data: bytes) -> bytes:
+        """Obey the commands in what the host sends; return what to answer."""
+        answers = b''
+        for line in self._lines.split(data):
+            with suppress(ValueError):  # noise
+                command = Command((line or b'').decode('ascii', 'replace'))
+                if command is not Command.IDENTIFY:
+                    self._is_ranging = command is not Command.STOP
+                self._is_reset |= command is Command.RESET
+                answers += self._identity()
+        return answers
+
+    def encode(self, frame: Frame) -> bytes:
+        """Return a frame as it goes on the line; nothing while the sensor is stopped."""
+        greeting = b''
+        if self._is_reset:
+            self._is_reset = False
+            self._begin_us, self._uncounted = frame.sensor_time_us, frame.sequence
+            greeting = self._identity()
+        if not self._is_ranging:
+            self._uncounted += 1
+            return b''
+        sequence, time_us = frame.sequence - self._uncounted, frame.sensor_time_us - self._begin_us
+        return greeting + encode_frame(replace(frame, sequence=sequence, sensor_time_us=time_us))
+
+    def _identity(self) -> bytes:
+        identity = Identity(VERSION, self._serial, self._is_ranging)
+        return encode_packet(encode_identity(identity))

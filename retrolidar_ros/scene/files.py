@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scene files, by path or by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from retrolidar_ros.scene.description import Scene, parse_scene
@@ -17,13 +15,7 @@ def scene_names() -> list[str]:
 
 
 def find_scene(name: str) -> Path:
-    """Return the file of a scene: a path, or the name of one that ships with the package.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is neither; it lists the names there are.
-    """
+    """Return the file of a scene by path or name; FileNotFoundError, with all names, if none is."""
     if Path(name).is_file():
         return Path(name)
     shipped = shared_file('config/scenes') / f'{name}.yaml'

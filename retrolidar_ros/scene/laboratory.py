@@ -1,21 +1,14 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What happens to sensors in labs: they move, hands pass, glass and other sensors throw light."""
+"""What happens to sensors in labs: they move, hands pass, and there is much light."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.scene.description import (
-    NEAREST_M,
-    MovingSurface,
-    SecondSensor,
-    Sensor,
-    Surface,
-)
+from retrolidar_ros.scene.description import NEAREST_M, MovingSurface, Sensor, Surface
 from retrolidar_ros.scene.optics import along, zone_shares
-from retrolidar_ros.scene.transmission import recurring_share
 from retrolidar_ros.sensor.frame import Floats
 
 
@@ -79,18 +72,9 @@ def see_moving(
 
 
 def saturated(signal: Floats, ambient: Floats | float, limit: float) -> Floats:
-    """Return what counters with a dead time make of rates [kcps/SPAD].
+    """Return what counters make of rates [kcps/SPAD], up to their limit, one over the dead time.
 
-    A counter that is dead after each count, for a time that more light does not lengthen, counts
-    n / (1 + n·dead time) of n (Knoll, *Radiation Detection and Measurement*, ch. 4).
+    More light does not lengthen that: n / (1 + n·dead time) of n (Knoll, *Radiation Detection and
+    Measurement*, ch. 4).
     """
     return signal / (1 + (signal + ambient) / limit)
-
-
-def second_light(second: SecondSensor, middle_s: Floats, exposure_s: float) -> Floats:
-    """Return by how much another sensor raises the ambient light of exposures [kcps/SPAD].
-
-    Its pulses are not in step with this sensor's, so they fall anywhere into the time of flight
-    and count as ambient light does. What counts is how much of an exposure it was sending.
-    """
-    return second.ambient * recurring_share(second.period_s, second.lasting_s, middle_s, exposure_s)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to expect of a marker before it is built: its link, its waking and its battery."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 from typing import Any
@@ -16,27 +14,19 @@ from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 
 SNR = 'c/\N{GREEK SMALL LETTER SIGMA}'
-NEEDED_SNR_DB = 8.4
-"""c over sigma at which the default method reads 80 % of lone packets."""
-SENSOR_REACH_M = 4.0
-"""To what distance a VL53L8CX measures."""
+NEEDED_SNR_DB = 8.4  # c over sigma at which the default method reads 80 % of lone packets
+SENSOR_REACH_M = 4.0  # to what distance a VL53L8CX measures
 
 
 def budget(
     *, size_m: float, yaw_rad: float, distance_m: float, cell_mah: float, queries_per_hour: float
 ) -> dict[str, Any]:
-    """Return what to expect of a marker, fit for JSON.
+    """Return what to expect of a marker, fit for JSON: the parameters, and three dicts.
 
-    Returns
-    -------
-    dict
-        The parameters, and as dicts:
-        `link`, the signals [kcps/SPAD] before the wall of the reference scene, the noise at the
-        mean of both, c over sigma (None if nothing comes back), and to what distance 80 % of lone
-        packets are read at this size and yaw;
-        `wake_up`, the photodiode indoors, with the paper's threshold, and to what distance it wakes
-        at this yaw;
-        `battery`, the mean currents with a packet a query, and how long the cell lasts.
+    `link` has the signals [kcps/SPAD] before the reference wall, the noise at the mean of both, c
+    over sigma (None if nothing comes back), and to what distance 80 % of lone packets are read;
+    `wake_up` the photodiode indoors with the paper's threshold, and to what distance it wakes;
+    `battery` the mean currents with a packet a query, and how long the cell lasts.
     """
     currents = drawn(active_share(queries_per_hour))
     voltage = float(voltage_v(np.array(distance_m), yaw_rad))

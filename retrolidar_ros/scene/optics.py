@@ -43,10 +43,7 @@ def along(path: tuple[Waypoint, ...], time_s: Floats) -> tuple[Floats, Floats]:
 
 
 def position_at(marker: Marker, time_s: Floats) -> Floats:
-    """Return where a marker is at times of shape (n,): x, y, z [m], shape (n, 3).
-
-    One that does not move is at one place, shape (1, 3).
-    """
+    """Return where a marker is at times (n,): x, y, z [m], shape (n, 3), or (1, 3) if at rest."""
     if marker.path:
         return along(marker.path, time_s)[0]
     rest = np.array(marker.position_m)
@@ -82,10 +79,7 @@ def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
 def line_shares(
     centre: Floats, width: Floats, steps: int, pitch: float, sigma: Floats | float
 ) -> Floats:
-    """Share a line of given centre and width, shape (n,), between steps: shape (n, steps).
-
-    It is blurred by `sigma`, one or of shape (n, 1).
-    """
+    """Share lines of centre and width (n,), blurred by `sigma`, between steps: (n, steps)."""
     edges = pitch * (np.arange(steps + 1) - steps / 2)
     beyond = edges - centre[:, None]
     half = width[:, None] / 2

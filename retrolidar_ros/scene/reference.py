@@ -1,11 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The reference sensor, wall and liquid crystal: what budgets and experiments start from.
-
-Variance of the signal and deviation of the range are those of a VL53L8CX; the wall is the paper's.
-"""
-
-from __future__ import annotations
+"""The sensor (a VL53L8CX), wall (the paper's) and liquid crystal of budgets and experiments."""
 
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene.description import Noise, Ranging, Sensor

@@ -21,12 +21,16 @@ from retrolidar_ros.scene.description import (
     Surface,
 )
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
+from retrolidar_ros.scene.transmission import (
+    Transmission,
+    exposure_edges,
+    recurring_share,
+    visible_share,
+)
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 
-# A pulse counts as merged when its strongest target is less than this share of it.
-_PURE_SHARE = 0.95
+_PURE_SHARE = 0.95  # of the strongest target; with less a pulse counts as merged
 # Codes that the sensor gives to measurements it does not trust.
 _ABNORMAL = np.array(
     [Status.NOT_UPDATED, Status.SIGNAL_TOO_LOW_ON_ARRAY, Status.SIGMA_TOO_HIGH, 4, 7, 8, 11],
@@ -38,11 +42,7 @@ _GLASS_M = 0.01  # how far a cover glass is, or nearly so
 
 
 class Simulation:
-    """A running scene. Blocks of frames follow each other without a seam.
-
-    Samples come from one seeded generator, in the order of frames, so a scene gives the same
-    frames in blocks of the same sizes.
-    """
+    """A running scene: one seeded generator, and blocks of frames without a seam."""
 
     def __init__(self, scene: Scene, rng: np.random.Generator | None = None) -> None:
         """Start `scene` at its time zero, with its own seed unless a generator is given."""
@@ -79,8 +79,10 @@ class Simulation:
         signals, distances = _seen_in_each_zone(*self.targets(middle_s))
         signal, distance, merged = _reported_pulse(signals, distances)
         ambient: Floats = np.full((len(middle_s), 1), scene.ambient)
-        if sensor.second_sensor is not None:
-            ambient += lab.second_light(sensor.second_sensor, middle_s, self.period_s)[:, None]
+        if (second := sensor.second_sensor) is not None:
+            # Its pulses are not in step with this sensor's, so they count as ambient light does.
+            share = recurring_share(second.period_s, second.lasting_s, middle_s, self.period_s)
+            ambient += second.ambient * share[:, None]
         if sensor.saturation < math.inf:
             signal = lab.saturated(signal, ambient, sensor.saturation)
         if sensor.ranging is not None and sensor.ranging.offset:
@@ -141,13 +143,11 @@ class Simulation:
         self, marker: Marker, transmission: Transmission, middle_s: Floats
     ) -> tuple[Floats, Floats]:
         sensor = self.scene.sensor
-        position_m, ahead = lab.in_front(
-            lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
-        )
+        position_m = lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
+        position_m, ahead = lab.in_front(position_m)
         range_m = np.linalg.norm(position_m, axis=-1)
-        light = 1 - marker.contrast * (
-            1 - transmission.mean(exposure_edges(middle_s, self.period_s))
-        )
+        blocked = 1 - transmission.mean(exposure_edges(middle_s, self.period_s))
+        light = 1 - marker.contrast * blocked
         if marker.occlusion is not None:
             light = light * visible_share(marker.occlusion, middle_s, self.period_s)
         light = light * received_signal(
@@ -179,10 +179,7 @@ class Simulation:
 
 
 def _seen_in_each_zone(signals: Floats, distances: Floats) -> tuple[Floats, Floats]:
-    """Return the targets that each zone sees, in their order, and no more than the most of them.
-
-    Of many markers most zones see one or two, and only those can make a pulse.
-    """
+    """Return the targets that each zone sees, in their order; mostly they are one or two."""
     seen = signals.any(axis=1)
     order = np.argsort(~seen, axis=0, kind='stable')[: seen.sum(axis=0).max(), None]
     return np.take_along_axis(signals, order, axis=0), np.take_along_axis(distances, order, axis=0)
@@ -213,10 +210,7 @@ def _reported_pulse(signals: Floats, distances: Floats) -> tuple[Floats, Floats,
 def noisy(
     signal: Floats, noise: Noise | None, rng: np.random.Generator, ambient: Floats | float = 0.0
 ) -> Floats:
-    """Add noise to signals of any shape, in ambient light; none is ever reported as negative.
-
-    Signals and ambient light are in kcps/SPAD.
-    """
+    """Add noise to signals of any shape in ambient light [kcps/SPAD]; none gets negative."""
     if noise is None:
         return signal
     sigma: Floats = np.sqrt(noise.floor + noise.slope * signal + noise.ambient * ambient)
@@ -226,10 +220,7 @@ def noisy(
 def deviating(
     distance: Floats, signal: Floats, ranging: Ranging | None, rng: np.random.Generator
 ) -> Floats:
-    """Add to distances [m] of any shape the deviation that belongs to their signals.
-
-    None is behind the sensor, however near its target is.
-    """
+    """Add its deviation to distances [m] of any shape; none gets behind the sensor."""
     if ranging is None:
         return distance
     shot = np.divide(ranging.shot, signal, out=np.zeros_like(signal), where=signal > 0)

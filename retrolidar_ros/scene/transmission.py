@@ -27,16 +27,10 @@ def exposure_edges(middle_s: Floats, exposure_s: float) -> Floats:
 def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Floats) -> Floats:
     """Return the mean transmission of liquid crystals in exposures, 0 to 1, shape (n, ...).
 
-    Parameters
-    ----------
-    begin_s : array, shape (bits,)
-        When their bits begin, ascending [s]; they are bright before the first, and the last lasts.
-    levels : array, shape (bits, ...)
-        1 of bright bits and 0 of dark ones.
-    response : Response
-        A bit lasts many of its time constants, so each relaxes from the level of the one before.
-    edges_s : array, shape (n, 2)
-        Begin and end of each exposure [s].
+    Bits begin at ascending times, shape (bits,) [s], and have levels of shape (bits, ...), 1 if
+    bright and 0 if dark; it is bright before the first, and the last lasts. A bit lasts many time
+    constants of the response, so each relaxes from the level of the one before. Begin and end of
+    the exposures are of shape (n, 2) [s].
     """
     axes = tuple(range(1, levels.ndim))
     before = np.concatenate([np.ones_like(levels[:1]), levels[:-1]])
@@ -60,14 +54,11 @@ def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Fl
 class Transmission(NamedTuple):
     """What a marker sends, and how its liquid crystal follows."""
 
-    bits: NDArray[np.uint8]
-    """Of a packet and the gap behind it, 1 = dark, shape (n,)."""
+    bits: NDArray[np.uint8]  # of a packet and the gap behind it, 1 = dark, shape (n,)
     bit_s: float
-    start_s: float
-    """When the first packet begins; it is bright before."""
+    start_s: float  # when the first packet begins; it is bright before
     response: Response
-    packets: float = math.inf
-    """How many it sends, before it stays bright."""
+    packets: float = math.inf  # how many it sends, before it stays bright
 
     @classmethod
     def of(cls, marker: Marker) -> Transmission:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was read of a scene, set beside the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
@@ -18,8 +16,7 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
 MAX_RANGE_ERROR_M = 0.01
-RARE = 16.266
-"""Squared distance, in deviations, that holds 99.9 % of a normal distribution in space."""
+RARE = 16.266  # squared distance, in deviations, that holds 99.9 % of a normal in space
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 
 
@@ -29,19 +26,13 @@ class Outcome(NamedTuple):
     id: int
     name: str
     readings: int
-    range_m: float
-    """True range, mean over the readings; NaN for a ghost."""
-    error_m: float
-    """Measured less true range, of the reading in which it is largest; NaN without truth."""
-    place_error_m: float
-    """Distance of the measured position from the true one, where it is largest; NaN likewise."""
-    place_stddev_m: float
-    """Deviation along the worst axis, as that reading has it; NaN likewise."""
-    is_placed: bool
-    """Whether all positions lie in the 99.9 % ellipsoids of their covariances."""
+    range_m: float  # true range, mean over the readings; NaN for a ghost
+    error_m: float  # measured less true range, where it is largest; NaN without truth
+    place_error_m: float  # of the position, where it is largest; NaN likewise
+    place_stddev_m: float  # deviation along the worst axis, as that reading has it; NaN likewise
+    is_placed: bool  # whether all positions lie in the 99.9 % ellipsoids of their covariances
     snr_db: float
-    first_reading_s: float
-    """From the first frame to the end of the first reading; NaN without any."""
+    first_reading_s: float  # from the first frame to the end of the first reading; NaN without any
     has_transforms: bool
 
     @property
@@ -66,10 +57,7 @@ def judge(
     readings: Sequence[Detection],
     untransformed: Collection[int] = (),
 ) -> list[Outcome]:
-    """Set readings beside the truth: markers of the scene first, then ghosts.
-
-    Some readings of the `untransformed` IDs are not in TF.
-    """
+    """Set readings beside the truth, ghosts last; some of `untransformed` IDs are not in TF."""
     origin_ns = int(recording.stamp_ns[0])
     markers: dict[int, Marker | None] = {marker.id: marker for marker in scene.markers}
     for ghost in sorted({reading.id for reading in readings} - set(markers)):

@@ -2,24 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps: from the sensor's clock to the host's, with messages going one way only.
 
-A frame reaches the host some varying time after its exposure, never before. So the true line
-from sensor time to host time lies below all pairs of them, and the lower convex hull of the
-pairs supports it: Zhang, Liu and Xia, Clock synchronization algorithms for network
-measurements, INFOCOM 2002. What remains is a constant, the smallest delay that ever occurred.
+A frame reaches the host some varying time after its exposure, never before. So the line from
+sensor time to host time is the support of the lower convex hull of all pairs of them (Zhang, Liu
+and Xia, Clock synchronization algorithms for network measurements, INFOCOM 2002). What remains is
+a constant, the smallest delay that ever occurred.
 """
 
-from __future__ import annotations
-
-WINDOW_S = 60.0
-"""How far back pairs are kept: long against the delay's jitter, short against drifts."""
-MAX_SKEW = 0.05
-"""Largest relative error of a sensor's clock that is accepted."""
+WINDOW_S = 60.0  # how far back pairs are kept: long against jitter, short against drifts
+MAX_SKEW = 0.05  # largest relative error of a sensor's clock that is accepted
 # Frames come early only if a clock was set; late also while the transport stalls, but not long.
 _STEP_NS = 100_000_000
 _STALL_NS = 1_000_000_000
 _YOUNG_NS = 1_000_000_000
-# Period of a microcontroller's 32-bit counter of microseconds: 71.6 minutes.
-_TURN_NS = 2**32 * 1000
+_TURN_NS = 2**32 * 1000  # of a 32-bit counter of microseconds: 71.6 minutes
 
 
 class ClockMap:
@@ -30,20 +25,11 @@ class ClockMap:
     """
 
     def __init__(self, min_delay_s: float = 0.0) -> None:
-        """Start without knowledge.
-
-        Parameters
-        ----------
-        min_delay_s : float
-            The known part of the delay from the middle of the exposure to the arrival, which
-            is taken off every stamp [s].
-        """
+        """Start without knowledge; stamps are less by the known delay `min_delay_s`."""
         self.restarts = 0
-        self.skew = 0.0
-        """Host seconds per sensor second, less one; 0 while unknown."""
+        self.skew = 0.0  # host seconds per sensor second, less one; 0 while unknown
         self._min_delay_ns = round(min_delay_s * 1e9)
-        self.offset_s = 0.0
-        """Host time less sensor time, of the last frame."""
+        self.offset_s = 0.0  # host time less sensor time, of the last frame
         self._turns_ns = 0
         self._last_stamp_ns: int | None = None
         self._hull: list[tuple[int, int]] = []
@@ -57,16 +43,9 @@ class ClockMap:
         self._last_stamp_ns = None
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
-        """Return the host time [ns] of a sensor time, given when the frame arrived.
+        """Return the host time [ns] of the middle of an exposure, by the clocks of sensor and host.
 
-        Stamps never go back unless the map starts again.
-
-        Parameters
-        ----------
-        sensor_time_us : int
-            The sensor's clock at the middle of the exposure [µs].
-        arrival_ns : int
-            The host's clock when the frame had arrived [ns].
+        The frame has arrived at `arrival_ns`. Stamps never go back unless the map starts again.
         """
         sensor_ns = self._unwrapped(sensor_time_us * 1000, arrival_ns)
         if self._hull and self._is_restart(sensor_ns, arrival_ns):

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,26 +22,19 @@ from retrolidar_ros.sensor.model import VL53L8CX
 # In quotes: numpy's number types take no parameter at run time before 1.22 (Ubuntu 22.04).
 Floats: TypeAlias = 'NDArray[np.floating[Any]]'
 
-IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), VL53L8CX.valid)
-"""Whether signal and distance are valid by a status, shape (256,)."""
+IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), VL53L8CX.valid)  # by status
+_COUNTER = 2**32
+FRAMES_A_BIT = (0.95, 9.0)  # how many frames a bit lasts at least and at most, if it is to be read
+_JUDGED_FRAMES = 10
+_MIN_PERIOD_NS = 1_000_000
 
 
 def valid_samples(
     signal: Floats, distance: Floats, status: NDArray[np.uint8]
 ) -> tuple[NDArray[np.bool_], int]:
-    """Return which samples are valid; the others are erasures.
+    """Return which samples (...) are valid, and how many have a valid status but impossible values.
 
-    Parameters
-    ----------
-    signal, distance, status : array, shape (...)
-        As in a `Frame`.
-
-    Returns
-    -------
-    valid : array of bool, shape (...)
-        Of a normal status and with possible values.
-    impossible : int
-        How many have a normal status and impossible values.
+    The others are erasures.
     """
     normal: NDArray[np.bool_] = IS_NORMAL[status]
     # Comparisons with NaN are false: a NaN signal is an erasure, a NaN distance is no target.
@@ -51,10 +45,7 @@ def valid_samples(
 
 @dataclass(frozen=True)
 class ZoneGrid:
-    """The directions in which the zones of a VL53L8CX look.
-
-    Zones are equal steps in the tangent of the angle, so a grid is flat at any distance.
-    """
+    """The directions of a VL53L8CX's zones, equal steps of a tangent: flat at any distance."""
 
     rows: int = 4
     columns: int = 4
@@ -68,7 +59,7 @@ class ZoneGrid:
 
     @property
     def zones(self) -> int:
-        """How many zones there are."""
+        """Number of zones."""
         return self.rows * self.columns
 
     @property
@@ -92,12 +83,19 @@ class ZoneGrid:
         return directions
 
     @cached_property
+    def near(self) -> NDArray[np.bool_]:
+        """Which zones are the same or neighbours, shape (zones, zones)."""
+        place = np.stack(np.divmod(np.arange(self.zones), self.columns))
+        near: NDArray[np.bool_] = np.abs(place[:, :, None] - place[:, None]).max(axis=0) <= 1
+        return near
+
+    @cached_property
     def z_per_range(self) -> Floats:
         """Reported distance over radial range of each zone, shape (zones,).
 
         The sensor turns the radial range of a target into a distance along the optical axis by one
-        factor a zone, wherever in the zone the target is. The factor makes the mean radial range of
-        a flat wall, which is the mean secant over the zone, its depth.
+        factor a zone, wherever in it the target is: that which makes the mean range of a flat wall,
+        the mean secant over the zone, its depth.
         """
         steps = (np.arange(16) + 0.5) / 16 - 0.5
         across, down = np.meshgrid(self.pitch * steps, self.pitch * steps)
@@ -107,32 +105,21 @@ class ZoneGrid:
         return 1 / mean_secant
 
 
-GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}
-"""The usual grid of each shape."""
+GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}  # the usual grid of each shape
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame of the sensor: for every zone the quadruple (D, I, A, S) of paper §2.1.
+    """One frame: (D, I, A, S) of paper §2.1 for every zone, shape (zones,), as in the scene."""
 
-    The arrays have the shape (zones,), in the order of the scene.
-    """
-
-    stamp_ns: int
-    """Middle of the exposure [ns]: the sensor's clock until a driver maps it to ROS time."""
-    sequence: int
-    """The sensor's frame counter, 32 bits; a jump means lost frames."""
-    sensor_time_us: int
-    """The sensor's clock at the middle of the exposure [µs]."""
+    stamp_ns: int  # middle of the exposure [ns]: by the sensor's clock until a driver maps it
+    sequence: int  # the sensor's frame counter, 32 bits; a jump means lost frames
+    sensor_time_us: int  # the sensor's clock at the middle of the exposure [µs]
     grid: ZoneGrid
-    distance: NDArray[np.float32]
-    """Along the optical axis [m]; NaN where there is no target."""
-    signal: NDArray[np.float32]
-    """Received signal [kcps/SPAD]."""
-    ambient: NDArray[np.float32]
-    """Ambient light [kcps/SPAD]."""
-    status: NDArray[np.uint8]
-    """The sensor's target status codes, see `Status`."""
+    distance: NDArray[np.float32]  # along the optical axis [m]; NaN where there is no target
+    signal: NDArray[np.float32]  # received signal [kcps/SPAD]
+    ambient: NDArray[np.float32]  # ambient light [kcps/SPAD]
+    status: NDArray[np.uint8]  # the sensor's target status codes, see `Status`
 
     def check(self) -> None:
         """Raise ValueError naming the first array that does not hold one value a zone."""
@@ -160,13 +147,7 @@ class Recording:
 
     @classmethod
     def of(cls, frames: list[Frame]) -> Recording:
-        """Stack frames.
-
-        Raises
-        ------
-        ValueError
-            If there are none, or their zone grids differ.
-        """
+        """Stack frames; ValueError if there are none, or their zone grids differ."""
         if not frames:
             raise ValueError('a recording needs at least one frame')
         grid = frames[0].grid
@@ -190,14 +171,35 @@ class Recording:
 
     def __iter__(self) -> Iterator[Frame]:
         """Go through the frames in order of time."""
-        for index in range(len(self)):
-            yield Frame(
-                stamp_ns=int(self.stamp_ns[index]),
-                sequence=int(self.sequence[index]),
-                sensor_time_us=int(self.sensor_time_us[index]),
-                grid=self.grid,
-                distance=self.distance[index],
-                signal=self.signal[index],
-                ambient=self.ambient[index],
-                status=self.status[index],
-            )
+        times = self.stamp_ns.tolist(), self.sequence.tolist(), self.sensor_time_us.tolist()
+        arrays = self.distance, self.signal, self.ambient, self.status
+        for stamp_ns, sequence, time_us, *values in zip(*times, *arrays, strict=True):
+            yield Frame(stamp_ns, sequence, time_us, self.grid, *values)
+
+
+def missing_frames(before: int | None, after: int) -> int:
+    """Return how many frames are missing between two 32-bit sequence counters.
+
+    Before the first frame there is None. A counter that went back is a sensor that restarted.
+    """
+    if before is None:
+        return 0
+    missing = (after - before - 1) % _COUNTER
+    return missing if missing < _COUNTER // 2 else 0
+
+
+def stamps_stand(frames: int, advance_ns: int) -> bool:
+    """Return whether the stamps of so many frames, which advanced by so much, stand still."""
+    return frames >= _JUDGED_FRAMES and abs(advance_ns) < frames * _MIN_PERIOD_NS
+
+
+def frame_period(recording: Recording) -> float:
+    """Return the usual time between successive frames [s], of which some may be lost.
+
+    By the later of stamp and sensor's clock: stamps of frames that come late, all at once, are too
+    near to each other.
+    """
+    step_ns = np.maximum(np.diff(recording.stamp_ns), 1000 * np.diff(recording.sensor_time_us))
+    numbers = recording.sequence.tolist()
+    missing = np.array([missing_frames(*pair) for pair in pairwise(numbers)])
+    return float(np.median(step_ns / (1 + missing))) * 1e-9

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identity of a sensor, and commands to it: protocol version 1."""
 
-from __future__ import annotations
-
 from collections import deque
 from enum import Enum
 from struct import Struct
@@ -31,10 +29,8 @@ class Command(Enum):
 class Identity(NamedTuple):
     """The answer of a sensor to each command, also sent when it starts."""
 
-    version: str
-    """Of its firmware."""
-    serial: str
-    """Its serial number, in 24 hexadecimal digits."""
+    version: str  # of its firmware
+    serial: str  # its serial number, in 24 hexadecimal digits
     is_ranging: bool
 
     def text(self) -> str:
@@ -65,9 +61,7 @@ class Commands:
     """
 
     def __init__(self) -> None:
-        """Begin without commands."""
-        self.identity: Identity | None = None
-        """The last answer of the sensor at the port."""
+        self.identity: Identity | None = None  # the last answer of the sensor at the port
         self._answers = 0
         self._wants_ranging = True
         self._is_reminded = False
@@ -100,13 +94,7 @@ class Commands:
             self._answered.notify_all()
 
     def ask(self, command: Command, timeout_s: float) -> bool:
-        """Send a command, and wait for its effect; return whether it came.
-
-        Raises
-        ------
-        TimeoutError
-            If there is no answer at all.
-        """
+        """Send a command; return whether its effect came, TimeoutError without any answer."""
         with self._answered:
             wanted, self._wants_ranging = self._wants_ranging, command is not Command.STOP
             self._is_reminded = True

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rotations as unit quaternions (x, y, z, w)."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -16,21 +14,14 @@ _CROSS: Floats = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)
 
 def matrix_of(quaternion: Floats) -> Floats:
     """Return the rotation matrix, shape (3, 3), of a quaternion of shape (4,)."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    unit = quaternion / np.linalg.norm(quaternion)
+    cross = cross_matrix(unit[:3])
+    matrix: Floats = np.eye(3) + 2 * unit[3] * cross + 2 * cross @ cross
+    return matrix
 
 
 def quaternion_of(matrix: Floats) -> Floats:
-    """Return the quaternion, shape (4,), of a rotation matrix of shape (3, 3).
-
-    It is the eigenvector of the largest eigenvalue of a symmetric matrix (Bar-Itzhack 2000).
-    """
+    """Return the quaternion (4,) of a rotation matrix (3, 3), by Bar-Itzhack 2000."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
     symmetric = np.array(
         [
@@ -79,5 +70,4 @@ def _quarter_turns() -> list[Floats]:
     return sorted(turns, key=lambda turn: -float(np.trace(turn)))
 
 
-QUARTER_TURNS = _quarter_turns()
-"""The 24 rotations that turn a cube into itself, the least first."""
+QUARTER_TURNS = _quarter_turns()  # the 24 rotations that turn a cube into itself, the least first

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames from a serial port that may be absent, vanish, and come back."""
 
-from __future__ import annotations
-
 import errno
 import os
 import select
@@ -15,17 +13,46 @@ from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
+from typing import Protocol
 
 import serial
 
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.identity import Identity
-from retrolidar_ros.sensor.protocols import Reader
-from retrolidar_ros.sensor.wire import WireCounts
+from retrolidar_ros.sensor.identity import Commands, Identity
+from retrolidar_ros.sensor.st_example import StExampleReader
+from retrolidar_ros.sensor.wire import FrameReader, WireCounts
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
 _MAX_BYTES = 4096
+
+
+class Reader(Protocol):
+    """Finds frames in a stream of bytes; accepts any bytes."""
+
+    @property
+    def counts(self) -> WireCounts:
+        """Frames and errors so far."""
+
+    @property
+    def commands(self) -> Commands | None:
+        """Commands and answers; None if the protocol has none."""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take the next bytes of the stream; return the frames they complete, oldest first."""
+
+    def restart(self) -> None:
+        """Forget a frame that was cut off: the next bytes do not continue it."""
+
+    def request(self) -> bytes:
+        """Return bytes to send to the sensor now; mostly none."""
+
+
+PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
+    'retrolidar': lambda _: FrameReader(),
+    'st_example': StExampleReader,
+}
+"""Factories of readers by name; each takes a function that returns the host's time [ns]."""
 
 
 def explain(error: OSError, port: str) -> str:
@@ -33,21 +60,19 @@ def explain(error: OSError, port: str) -> str:
     if error.errno == errno.ENOENT:
         return f'{port} does not exist; is the sensor plugged in?'
     if error.errno == errno.EACCES:
-        return f'no permission to open {port}; {_remedy(port)}'
+        try:
+            group = Path(port).group()
+        except (OSError, KeyError):  # gone by now, or of a group that has no name
+            group = 'dialout'
+        return (
+            f'no permission to open {port}; it belongs to the group {group}: '
+            f'sudo usermod -aG {group} $USER, and log in again'
+        )
     if error.errno in (errno.EBUSY, errno.EAGAIN):
         return f'{port} is in use by another program'
     if error.errno in (errno.ENOTTY, errno.EISDIR):
         return f'{port} is not a serial port'
     return f'{port}: {error}'
-
-
-def _remedy(port: str) -> str:
-    """Say how to get the permission to open a port."""
-    try:
-        group = Path(port).group()
-    except (OSError, KeyError):  # gone by now, or of a group that has no name
-        group = 'dialout'
-    return f'it belongs to the group {group}: sudo usermod -aG {group} $USER, and log in again'
 
 
 class SerialSource:
@@ -62,8 +87,7 @@ class SerialSource:
         self.baud = baud
         self.reader = reader
         self.is_open = False
-        self.problem = f'{port} has not been opened yet'
-        """Why the port is not open; empty while it is."""
+        self.problem = f'{port} has not been opened yet'  # empty while it is open
         self.openings = 0
 
     @property
@@ -77,22 +101,13 @@ class SerialSource:
         return self.reader.commands.identity if self.reader.commands else None
 
     def run(
-        self,
-        take: Callable[[list[Frame], int], None],
-        report: Callable[[str], None],
-        stop: Event,
+        self, take: Callable[[list[Frame], int], None], report: Callable[[str], None], stop: Event
     ) -> None:
-        """Read until `stop` is set.
+        """Read until `stop` is set, which ends the reading within its timeout.
 
-        Parameters
-        ----------
-        take : callable
-            Gets the frames of each read, and the time [ns] at which it returned.
-        report : callable
-            Gets a line whenever the port opens, a sensor says who it is, or there is a new reason
-            why the port cannot be read; that it was lost, only if `stop` is not set soon after.
-        stop : threading.Event
-            Ends the reading within the read's timeout.
+        `take` gets the frames of each read, and the time [ns] at which it returned. `report` gets a
+        line whenever the port opens, a sensor says who it is, or there is a new reason why the port
+        cannot be read; that it was lost, only if `stop` is not set soon after.
         """
         while not stop.is_set():
             try:
@@ -169,11 +184,8 @@ def in_background(
 ) -> Iterator[Callable[[float], tuple[list[Frame], int] | None]]:
     """Read a source in a thread until the block ends; `report` is as for `SerialSource.run`.
 
-    Yields
-    ------
-    take_until : callable
-        Returns what arrived first, frames and time [ns]; None if nothing arrives until a time of
-        `time.monotonic`.
+    Yields a function that returns what arrived first, frames and time [ns]; None if nothing arrives
+    until a time of `time.monotonic`.
     """
     arrived: SimpleQueue[tuple[list[Frame], int] | Exception] = SimpleQueue()
     stop = Event()

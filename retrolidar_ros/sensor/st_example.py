@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames from the text that ST's own example prints, so that a kit needs no other firmware.
 
-The example is `53L8A1_SimpleRanging` of X-CUBE-TOF1 (NUCLEO-F401RE, `Src/app_tof.c`): a banner, the
-format of a cell, and a table with two lines of cells a row, one of distance and status, one of
-signal and ambient light once the key `s` has switched these on.
+It is `53L8A1_SimpleRanging` of X-CUBE-TOF1 (NUCLEO-F401RE, `Src/app_tof.c`): a banner, the format
+of a cell, and a table with two lines of cells a row: distance and status, and signal and ambient
+light once the key `s` has switched these on.
 """
-
-from __future__ import annotations
 
 import re
 from collections.abc import Callable
@@ -19,10 +17,8 @@ from retrolidar_ros.sensor.model import VL53L8CX, Status
 from retrolidar_ros.sensor.wire import Splitter, WireCounts
 
 MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five digits
-SWITCH_LIGHT = b's'
-"""Switches the signal and the ambient light on, or off again."""
-PATIENCE_FRAMES = 5
-"""Frames without signal until it is requested again: some were on the way."""
+SWITCH_LIGHT = b's'  # switches the signal and the ambient light on, or off again
+PATIENCE_FRAMES = 5  # frames without signal until it is requested again: some were on the way
 
 _LINE_END = b'\n'
 _TEXT = re.compile(rb'[\x1b\r\x20-\x7e]*')
@@ -66,11 +62,9 @@ class _Table:
     """The table of one frame, line by line."""
 
     def __init__(self) -> None:
-        """Start before its title."""
         self.has_title = False
         self._has_light = False
-        self._lines: list[list[str]] = []
-        """Cells of ranging, and of light after each if there is any."""
+        self._lines: list[list[str]] = []  # cells of ranging, and of light after each, if any
 
     def take(self, line: str) -> bool:
         """Take a line; return whether it completes the table; ValueError if it is none of it."""
@@ -110,11 +104,10 @@ class _Table:
 class StExampleReader:
     """Finds frames in the text of ST's example; accepts any bytes.
 
-    The text has the left of the scene first, as a `Frame` has. It has neither time nor counter:
-    a frame bears the host's time at the end of its last row, and `sequence` counts the frames that
-    were passed on. Status 9, merged, comes as 5, valid. Signal and ambient light are 0 where there
-    is no target. The example has to switch them on, which the reader requests; a frame without them
-    is withheld.
+    The left of the scene comes first, as in a `Frame`. There is no time and no counter: a frame
+    bears the host's time at the end of its last row, and `sequence` counts the frames passed on.
+    Status 9, merged, comes as 5, valid. A frame without signal and ambient light is withheld, and
+    the reader requests them; where there is no target they are 0.
 
     There is no checksum: an inconsistent table is dropped and counted, a wrong digit is not
     noticed. Memory is bounded.
@@ -147,15 +140,11 @@ class StExampleReader:
         """Forget a frame that was cut off, and what was requested."""
         self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
         self._table = None
-        self._dark_frames = 0
-        """Frames without signal since one with it."""
+        self._dark_frames = 0  # frames without signal since one with it
         self._is_light_wanted = False
 
     def request(self) -> bytes:
-        """Return the key that switches the signal on, if it is off and was not just pressed.
-
-        The key is a switch: pressed once more while its effect is on the way, it would undo it.
-        """
+        """Return the key that switches the signal on, once: a second press would undo it."""
         is_wanted, self._is_light_wanted = self._is_light_wanted, False
         return SWITCH_LIGHT if is_wanted else b''
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bytes on the serial line to and from frames: protocol version 1.
 
-A packet is a header, the zones in the sensor's own order, and a checksum, all little-endian;
-it travels COBS-encoded (Cheshire and Baker 1999), so that 0x00 ends a packet and occurs
-nowhere else. Zone 0 of the sensor sees the scene's top right, so columns are turned round.
+A packet is a header, the zones in the sensor's own order, and a checksum, all little-endian. It is
+COBS-encoded (Cheshire and Baker 1999), so that 0x00 only ends packets. Zone 0 of the sensor sees
+the scene's top right, so columns are turned round.
 """
 
 from __future__ import annotations
@@ -47,13 +47,7 @@ def cobs_encode(data: bytes) -> bytes:
 
 
 def cobs_decode(encoded: bytes) -> bytes:
-    """Undo `cobs_encode`.
-
-    Raises
-    ------
-    ValueError
-        If there is a zero, or a length byte points beyond the end.
-    """
+    """Undo `cobs_encode`; ValueError for a zero, or a length byte that points beyond the end."""
     data = ffi.new('uint8_t[]', len(encoded) + 1)
     written = lib.rl_cobs_decode(encoded, len(encoded), data)
     if written < 0:
@@ -76,11 +70,8 @@ def encode_packet(content: bytes) -> bytes:
 def encode_frame(frame: Frame) -> bytes:
     """Return a frame as it goes on the line; values beyond the wire's range are clipped.
 
-    Raises
-    ------
-    ValueError
-        If an array does not have one value a zone, a signal or ambient light is not finite, a
-        distance is NaN where the status is not 255, or a counter does not fit.
+    ValueError if an array has not one value a zone, a signal or ambient light is not finite, a
+    distance is NaN where the status is not 255, or a counter does not fit.
     """
     grid = frame.grid
     zones = np.zeros(grid.zones, dtype=_ZONE)
@@ -109,7 +100,7 @@ def _decode_frame(content: bytes) -> Frame:
     """Return the frame in a packet's content, checksum removed; ValueError for a wrong shape."""
     if len(content) < _HEADER.size:
         raise ValueError(f'a frame of {len(content)} bytes has no whole header')
-    _, sequence, sensor_time_us, rows, columns = _HEADER.unpack_from(content)
+    _, sequence, time_us, rows, columns = _HEADER.unpack_from(content)
     expected = _HEADER.size + rows * columns * _ZONE.itemsize
     grid = GRIDS.get((rows, columns))
     if grid is None or len(content) != expected:
@@ -124,16 +115,7 @@ def _decode_frame(content: bytes) -> Frame:
         ffi.from_buffer('uint8_t[]', status),
     )
     distance, signal, ambient = values
-    return Frame(
-        stamp_ns=sensor_time_us * 1000,
-        sequence=sequence,
-        sensor_time_us=sensor_time_us,
-        grid=grid,
-        distance=distance,
-        signal=signal,
-        ambient=ambient,
-        status=status,
-    )
+    return Frame(time_us * 1000, sequence, time_us, grid, distance, signal, ambient, status)
 
 
 @dataclass
@@ -142,16 +124,12 @@ class WireCounts:
 
     bytes: int = 0
     frames: int = 0
-    bad_framing: int = 0
-    """Not valid COBS; a line that is no text."""
+    bad_framing: int = 0  # not valid COBS; a line that is no text
     bad_crc: int = 0
-    bad_shape: int = 0
-    """A packet of an impossible shape or length."""
+    bad_shape: int = 0  # a packet of an impossible shape or length
     unknown_kind: int = 0
-    overlong: int = 0
-    """More than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter."""
-    withheld: int = 0
-    """Frames without signal, which the sensor is requested to switch on."""
+    overlong: int = 0  # more than `MAX_PACKET_BYTES`, or than a line can have, without a delimiter
+    withheld: int = 0  # frames without signal, which the sensor is requested to switch on
 
     @property
     def damaged(self) -> int:
@@ -213,20 +191,17 @@ class Splitter:
 
 
 class FrameReader:
-    """Finds frames in a stream of bytes; accepts any bytes.
+    """Finds frames in a stream of bytes; accepts any bytes, in bounded memory.
 
-    Damage costs the packet it is in, and the next as well if it hit the delimiter between them;
-    the packet after that is read. What stands before the first delimiter may be the rest of a
-    packet: it is read if it is whole, and else no damage. Memory is bounded.
+    Damage costs the packet it is in, and the next as well if it hit the delimiter between them.
+    What stands before the first delimiter may be the rest of a packet, and then is no damage.
     """
 
     def __init__(self) -> None:
-        """Start between packets, or in the middle of one."""
         self.counts = WireCounts()
         self.commands = Commands()
         self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
-        self._is_in_step = False
-        """Whether the next packet is known to come from its beginning."""
+        self._is_in_step = False  # whether the next packet is known to come from its beginning
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; return the frames they complete, oldest first."""

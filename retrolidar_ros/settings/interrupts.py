@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Termination signals: handled once, so that the clean-up is not cut short."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,11 +12,7 @@ REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def ignore_requests() -> None:
-    """Ignore further termination signals.
-
-    `ros2 launch` passes on the interrupt that a terminal has already sent to all processes; the
-    second one must not cut the clean-up short.
-    """
+    """Ignore further signals, which must not cut the clean-up short; `ros2 launch` sends two."""
     for request in REQUESTS:
         signal.signal(request, signal.SIG_IGN)
 

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of all nodes, declared once: in `config/retrolidar.yaml`, with its comments.
 
-`generate_parameter_library_py` is released for ROS only. The wheels of `embedded/` and the command
-`retrolidar` need the declarations, too.
+`generate_parameter_library_py` is released for ROS only; the wheels and the command need them, too.
 """
 
 from __future__ import annotations
@@ -23,16 +22,11 @@ _COMMENT = re.compile(r'(.+?)(?: Range: (\S+) to (\S+)\.)?(?: One of: (.+?)\.)?(
 class Parameter(NamedTuple):
     """A parameter of a node; some of the detector's are options of the command, too."""
 
-    default: Any
-    """Its type is that of the parameter: bool, int, float, str, or list."""
-    description: str
-    """With the unit."""
-    limits: tuple[float, float] | None
-    """Of an int or float. A list with limits holds int, one without holds str."""
-    among: tuple[str, ...]
-    """What a str may be; empty = anything."""
-    is_live: bool
-    """Whether it may be set while the node runs."""
+    default: Any  # its type is that of the parameter: bool, int, float, str, or list
+    description: str  # with the unit
+    limits: tuple[float, float] | None  # of numbers; a list without limits holds str
+    among: tuple[str, ...]  # what a str may be; empty = anything
+    is_live: bool  # whether it may be set while the node runs
 
     @classmethod
     def of(cls, default: Any, comment: str) -> Parameter:
@@ -41,9 +35,8 @@ class Parameter(NamedTuple):
         assert found, comment
         description, low, high, among, live = found.groups()
         limits = (float(low), float(high)) if low else None
-        return cls(
-            default, description, limits, tuple(among.split(', ')) if among else (), bool(live)
-        )
+        allowed = tuple(among.split(', ')) if among else ()
+        return cls(default, description, limits, allowed, bool(live))
 
     def summary(self) -> str:
         """Return the first sentence of the description."""
@@ -59,13 +52,7 @@ class Parameter(NamedTuple):
         return f'one of {", ".join(self.among)}' if self.among else ''
 
     def check(self, name: str, value: Any) -> Any:
-        """Return a value in the parameter's type.
-
-        Raises
-        ------
-        ValueError
-            If it is not allowed; the message begins with `name`.
-        """
+        """Return a value in the parameter's type; ValueError, which names it, if not allowed."""
         if isinstance(self.default, list):
             return self._check_list(name, value)
         kind = type(self.default)
@@ -106,9 +93,8 @@ def declared() -> dict[str, dict[str, Parameter]]:
     defaults = load_yaml(path)
     nodes = {}
     for node, text in zip(parts[::2], parts[1::2], strict=True):
-        comments = {
-            name: ' '.join(re.findall('# (.+)', lines)) for lines, name in _COMMENTED.findall(text)
-        }
+        commented = _COMMENTED.findall(text)
+        comments = {name: ' '.join(re.findall('# (.+)', lines)) for lines, name in commented}
         nodes[node] = {
             name: Parameter.of(default, comments[name])
             for name, default in defaults[f'/**/{node}']['ros__parameters'].items()

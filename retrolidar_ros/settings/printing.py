@@ -2,10 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text from files and messages, made fit for a terminal."""
 
-from __future__ import annotations
-
 _MAX_CHARACTERS = 1000
-_DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}
 
 
 def printable(text: str) -> str:
@@ -17,9 +14,3 @@ def printable(text: str) -> str:
         one if one.isprintable() or one == '\n' else one.encode('unicode_escape').decode()
         for one in text
     )
-
-
-def missing_library(error: ModuleNotFoundError) -> str:
-    """Return what to do about a library that is missing."""
-    name = str(error.name).partition('.')[0]
-    return f'retrolidar: a library is missing: pip install {_DISTRIBUTIONS.get(name, name)}'

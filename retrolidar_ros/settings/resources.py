@@ -1,12 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Paths of the files that ship with the package: messages, launch and parameter files.
-
-They are beside the Python package in the source tree, and in `share/retrolidar_ros` of the
-prefix under which the Python package was installed, be it by colcon or by pip.
-"""
-
-from __future__ import annotations
+"""Paths of the files that ship with the package, from the source tree or where it is installed."""
 
 from pathlib import Path
 
@@ -14,18 +8,7 @@ _PACKAGE = Path(__file__).absolute().parent.parent
 
 
 def shared_file(name: str) -> Path:
-    """Return the path of a file or directory that ships with the package.
-
-    Parameters
-    ----------
-    name
-        Relative to the repository's root, such as `msg/Frame.msg`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is missing; the message names the places searched.
-    """
+    """Return the path of a file of the package, or FileNotFoundError with the places searched."""
     beside = _PACKAGE.parent
     directories = [parent / 'share' / _PACKAGE.name for parent in beside.parents]
     if (beside / 'package.xml').is_file():

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checked parsing of nested mappings whose quantities carry their units: `period: 21 ms`."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -75,8 +73,8 @@ def mapping(
 
     The key of `start_s: Annotated[float, quantity('time')]` is `start`, unless another one follows
     the parser; it is required if the field has no default. Fields that are `given` have no key.
-    `check` raises ConfigError for values that do not go together; so does the parser, for an
-    unknown key, a missing unit or an impossible value, and names the key.
+    ConfigError, which names the key, for an unknown key and an impossible value; `check` raises it
+    for values that do not go together.
     """
 
     def parse(value: Any, path: str) -> T:
@@ -107,10 +105,7 @@ def _keys(kind: Any) -> list[tuple[Field[Any], str, Parser[Any]]]:
 def quantity(
     kind: str, minimum: float = -_LARGEST, maximum: float = _LARGEST, *, bare: bool = False
 ) -> Parser[float]:
-    """Return a parser of quantities such as `21 ms` within limits in the code's own unit.
-
-    A `bare` number may stand for one in that unit.
-    """
+    """Return a parser of quantities such as `21 ms`, or `bare` ones, in the code's own unit."""
 
     def parse(value: Any, path: str) -> float:
         units = UNITS[kind]

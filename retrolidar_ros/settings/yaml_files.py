@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML files, with duplicate keys and aliases refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable
 from io import StringIO
 from pathlib import Path
@@ -16,16 +14,11 @@ from retrolidar_ros.settings.section import ConfigError
 T = TypeVar('T')
 
 MAX_BYTES = 2**20
-# What PyYAML raises for a value that its tag does not suit, as in `!!bool maybe`.
-_OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)
+_OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)  # as of `!!bool maybe`
 
 
 class _CarefulLoader(yaml.SafeLoader):
-    """Refuses a key that stands twice in one mapping, where plain YAML lets the last one win.
-
-    Refuses aliases, too, by which a small file may stand for a huge one. ROS does so in parameter
-    files.
-    """
+    """Refuses a key that stands twice in one mapping, and, like ROS, aliases (YAML bombs)."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -50,14 +43,9 @@ class _CarefulLoader(yaml.SafeLoader):
 
 
 def load_yaml(path: Path) -> Any:
-    """Return the content of a YAML file.
+    """Return the content of a YAML file; OSError if it cannot be read.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is a FIFO or not YAML, or has a duplicate key or an alias; the message names the line.
+    ValueError if it is a FIFO or not YAML, or has a duplicate key or an alias; it names the line.
     """
     if path.is_fifo():  # to open it would wait for a writer
         raise ValueError(f'{path} is a FIFO; give a regular file')
@@ -82,10 +70,7 @@ def yaml_text(content: object) -> str:
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
-    """Return the parsed content of a YAML file.
-
-    Errors are those of `load_yaml`; a ConfigError names the file, too.
-    """
+    """Return the parsed content of a YAML file; ConfigError, which names it, if it is wrong."""
     try:
         return parse(load_yaml(path))
     except ConfigError as error:

@@ -1,3 +1,3 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What detections are for: objects and heartbeat."""
+"""What detections are for: objects, landmarks, localisation, heartbeat, calibration."""

@@ -2,21 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detections of one marker as heartbeats: the share of time windows with one (paper §7.2)."""
 
-from __future__ import annotations
-
 import math
 
-WINDOW_S = 10.0
-"""Of the paper's detection rate."""
-# A larger jump of time is a clock that was set.
-_MAX_WINDOWS = 100
+WINDOW_S = 10.0  # of the paper's detection rate
+_MAX_WINDOWS = 100  # a larger jump of time is a clock that was set
 
 
 class Heartbeat:
-    """Counts windows with and without a detection, and the longest silence.
-
-    The caller gives the time, which may be that of a recording; it begins with the first call.
-    """
+    """Counts windows with and without a detection, and the longest silence, by given times."""
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         """Count windows of `window_s` [s]."""
@@ -25,13 +18,10 @@ class Heartbeat:
         self._begun = False
 
     def _begin(self, time_s: float) -> None:
-        """Count from a time on."""
         self._begun = True
         self.beats = 0
-        self.windows = 0
-        """Complete windows."""
-        self.windows_alive = 0
-        """Windows with at least one detection."""
+        self.windows = 0  # complete windows
+        self.windows_alive = 0  # windows with at least one detection
         self._window_start_s = self._last_s = time_s
         self._longest_s = 0.0
         self._beats_in_window = 0

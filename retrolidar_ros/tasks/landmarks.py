@@ -17,19 +17,16 @@ from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Fit, Prior
 
-# Gating: a reading with a residual beyond so many standard deviations is an outlier.
-_GATE = 4.5
+_GATE = 4.5  # gating: a reading with a residual beyond so many standard deviations is an outlier
 # A landmark is initialised when so many more readings agree than do not, and it has moved when so
 # many outliers agree.
 _AGREEING, _MOVED = 2, 3
-# Ranges of a larger standard deviation are left out: what stands behind a marker shifts them.
-_VAGUE_M = 0.02
+_VAGUE_M = 0.02  # less certain ranges are left out: what stands behind a marker shifts them
 _MAX_READINGS = 40
 _MAX_OUTLIERS = 6
 _MOVING_WINDOW_S = 8.0
 _ONE_VIEW_M = 0.05
-# Above this standard deviation all orientations are tried again [rad].
-_ROTATION_UNKNOWN = 0.2
+_ROTATION_UNKNOWN = 0.2  # above this standard deviation all orientations are tried again [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,24 +34,15 @@ class Estimate:
     """Where a landmark is."""
 
     name: str
-    stamp_s: float
-    """When it holds: at the last reading; if it moves, up to when all sensors have reported."""
-    position_m: Floats
-    """Shape (3,), in the fixed frame."""
-    rotation: Floats
-    """Turns directions of the object into those of the fixed frame, shape (3, 3)."""
-    velocity: Floats
-    """Shape (3,) [m/s]."""
-    covariance: Floats
-    """Of the position [m²] and the rotation about the fixed axes [rad²], shape (6, 6)."""
-    readings: int
-    """How many readings it is made of."""
-    baseline_m: float
-    """Largest distance between the sensors' places."""
-    rejected: int
-    """How many readings were outliers, since the beginning."""
-    moved_s: float | None
-    """When it was last found elsewhere."""
+    stamp_s: float  # when it holds: at the last reading, or, if it moves, that of all sensors
+    position_m: Floats  # shape (3,), in the fixed frame
+    rotation: Floats  # turns directions of the object into those of the fixed frame, shape (3, 3)
+    velocity: Floats  # shape (3,) [m/s]
+    covariance: Floats  # of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)
+    readings: int  # how many readings it is made of
+    baseline_m: float  # largest distance between the sensors' places
+    rejected: int  # how many readings were outliers, since the beginning
+    moved_s: float | None  # when it was last found elsewhere
 
     @property
     def stddev_m(self) -> float:
@@ -101,10 +89,7 @@ class Landmark:
     def take(self, *readings: Reading) -> list[Reading]:
         """Take readings, and return the inliers; those of other markers are ignored.
 
-        Raises
-        ------
-        ValueError
-            If readings cannot be solved; then none is taken.
+        ValueError if readings cannot be solved; then none is taken.
         """
         before = {
             name: value.copy() if isinstance(value, list) else value
@@ -156,30 +141,26 @@ class Landmark:
 
     def estimate(self) -> Estimate | None:
         """Return where the landmark is; None until readings agree, or it was known before."""
-        if self._estimate is None and self.fit is not None and self._is_initialised:
-            self._estimate = self._estimate_of(self.fit)
+        fit = self.fit
+        if self._estimate is None and fit is not None and self._is_initialised:
+            places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
+            apart = np.linalg.norm(places[:, None] - places, axis=-1)
+            covariance = fit.covariance[:6, :6].copy()
+            if len(self._markers) == 1:
+                covariance[3:, 3:] = np.eye(3) * TURN_VARIANCE
+            self._estimate = Estimate(
+                name=self.name,
+                stamp_s=fit.stamp_s,
+                position_m=fit.state.position_m,
+                rotation=fit.state.rotation,
+                velocity=fit.state.velocity,
+                covariance=covariance,
+                readings=len(self.members),
+                baseline_m=float(apart.max(initial=0.0)),
+                rejected=self.rejected,
+                moved_s=self.moved_s,
+            )
         return self._estimate
-
-    def _estimate_of(self, fit: Fit) -> Estimate:
-        state = fit.state
-        places = np.array([one.pose.position_m for one in self.members]).reshape(-1, 3)
-        apart = np.linalg.norm(places[:, None] - places, axis=-1)
-        covariance = fit.covariance[:6, :6]
-        if len(self._markers) == 1:
-            covariance = covariance.copy()
-            covariance[3:, 3:] = np.eye(3) * TURN_VARIANCE
-        return Estimate(
-            name=self.name,
-            stamp_s=fit.stamp_s,
-            position_m=state.position_m,
-            rotation=state.rotation,
-            velocity=state.velocity,
-            covariance=covariance,
-            readings=len(self.members),
-            baseline_m=float(apart.max(initial=0.0)),
-            rejected=self.rejected,
-            moved_s=self.moved_s,
-        )
 
     def spread_with(self, readings: Sequence[Reading]) -> Floats:
         """Return the covariance of the position with further ranges, shape (3, 3) [m²]."""

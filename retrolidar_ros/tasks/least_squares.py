@@ -19,8 +19,7 @@ _MAX_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
 _MAX_STEP = 0.5
 _SOMEWHERE = 1e-6  # all is within a kilometre or so, which keeps equations solvable [1/m²]
-TURN_VARIANCE = math.pi**2 / 3
-"""Of an angle that can be anything [rad²]."""
+TURN_VARIANCE = math.pi**2 / 3  # of an angle that can be anything [rad²]
 
 
 class Problem:
@@ -34,20 +33,10 @@ class Problem:
         prior: Prior | None = None,
         place_variance: Mapping[int, Floats] | None = None,
     ) -> None:
-        """State the problem.
+        """State the problem of one or more readings, whose pose may have a prior.
 
-        Parameters
-        ----------
-        markers : mapping of int to array, shape (3,)
-            Where each is on the object [m].
-        readings : sequence of Reading
-            At least one, of these markers.
-        errors : Errors
-            The errors that they share.
-        prior : Prior or None
-            Of the pose of the object.
-        place_variance : mapping of int to array, shape (3, 3), or None
-            Of the markers' places on the object [m²]; None: they are exact.
+        `markers` says where each is on the object, shape (3,) [m], and `place_variance` how
+        uncertain that is, shape (3, 3) [m²]; without it, places are exact.
         """
         self.seen = Readings(readings, errors)
         self.errors = errors
@@ -91,10 +80,7 @@ class Problem:
         return self._scores(residual, np.diag(range_m2) + known[:, 0], edge_rad2 + known[:, 1:])
 
     def covariance_with(self, fit: Fit, known: int) -> Floats:
-        """Return the covariance of the state, shape (9, 9), with readings after `known` of a fit.
-
-        Only the ranges of the further readings count.
-        """
+        """Return the state's covariance (9, 9) with the ranges of readings after `known`."""
         jacobian, residual = self._linearised(fit.state)
         range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
         weights = self._bearing_weights(residual[:, 1:], edge_rad2)
@@ -175,10 +161,8 @@ class Problem:
         return information, slope
 
     def _sight(self, state: State) -> Floats:
-        moved = np.outer(self.seen.before_s, state.velocity)
-        sight: Floats = (
-            state.position_m + self._places @ state.rotation.T - moved - self.seen.sensor_m
-        )
+        begin_m = self.seen.sensor_m + np.outer(self.seen.before_s, state.velocity)
+        sight: Floats = state.position_m + self._places @ state.rotation.T - begin_m
         return sight
 
     def _linearised(self, state: State) -> tuple[Floats, Floats]:
@@ -212,8 +196,8 @@ class Problem:
 def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
     """Return the standard deviations of spheres of ranges from their planes, shape (n,) [m].
 
-    With S the covariance of the place and P the projection across a direction u, it is
-    sqrt(tr(PS)² + 2 tr(PSPS)) / 2r.
+    It is sqrt(tr(PS)² + 2 tr(PSPS)) / 2r, with S the covariance of the place and P the projection
+    across a direction.
     """
     seen = unit @ place_m2
     along, aslant = (seen * unit).sum(axis=1), (seen * seen).sum(axis=1)
@@ -224,10 +208,7 @@ def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
 
 
 def _redundancy(axes: Floats, marker: NDArray[np.int64], bearing: Floats, half: Floats) -> Floats:
-    """Return how many directions are redundant with each, itself included, shape (n, 2).
-
-    Those of a marker at the same place of their boxes tell no more than one of them.
-    """
+    """Return how many directions (n, 2) tell the same: of a marker at one place of their boxes."""
     rows, place, size = axes.reshape(-1, 3), bearing.ravel(), half.ravel()
     apart = np.abs(place[:, None] - place) / np.minimum.outer(size, size)
     alike = (rows @ rows.T) ** 2 * np.maximum(1 - 2 * apart, 0)

@@ -6,8 +6,6 @@ To a robot, the room is an object of several markers: where that is in the robot
 where the robot is in the room.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -30,12 +28,9 @@ _CLEAR_M, _CLEAR = 0.2, 0.5
 class RobotPose(NamedTuple):
     """Where a robot's base is in the frame of the markers."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the base into those of the markers' frame, shape (3, 3)."""
-    covariance: Floats
-    """Of the position [m²] and the rotation about the axes of that frame [rad²], shape (6, 6)."""
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the base into those of the markers' frame, shape (3, 3)
+    covariance: Floats  # of position [m²] and rotation about that frame's axes [rad²], (6, 6)
 
 
 def room_of(
@@ -45,23 +40,10 @@ def room_of(
     *,
     flat: bool = False,
 ) -> Landmark:
-    """Return a room as one landmark.
+    """Return a room as one landmark; ValueError if fewer than three markers are known.
 
-    Parameters
-    ----------
-    known : mapping of str to Prior
-        Where objects are in the room, by name.
-    objects : mapping of str to mapping of int to array, shape (3,)
-        The markers of each, with their places on it [m].
-    errors : Errors
-        What readings share.
-    flat : bool
-        The robot's frame is level and at the height of the room's, as on a floor.
-
-    Raises
-    ------
-    ValueError
-        If fewer than three markers are known.
+    Objects are known by name, and their markers with places on them, shape (3,) [m]. If it is flat,
+    the robot's frame is level and at the height of the room's.
     """
     places, variances = {}, {}
     for name, prior in known.items():
@@ -82,16 +64,9 @@ def room_of(
 def robot_pose(room: Estimate, base_m: Floats, base_rotation: Floats) -> RobotPose | None:
     """Return where the base is in a room, from where both are in the fixed frame.
 
-    It is None while that is not clear: among one or two markers it can be anywhere on a circle, and
-    ranges of three can have two answers, which no covariance tells well.
-
-    Parameters
-    ----------
-    room : Estimate
-    base_m : array, shape (3,)
-        The base's position in the fixed frame [m].
-    base_rotation : array, shape (3, 3)
-        Turns directions of the base into those of the fixed frame.
+    Of the base, place [m] and rotation into that frame are given. It is None while that is not
+    clear: among one or two markers it can be anywhere on a circle, and ranges of three can have two
+    answers, which no covariance tells well.
     """
     back = room.rotation.T
     arm_m = base_m - room.position_m

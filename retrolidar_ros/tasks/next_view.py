@@ -25,34 +25,28 @@ _WIDER, _NEARER = (1.25, 1.5, 2.0, 2.5, 3.0), (0.9, 0.8, 0.7, 0.6, 0.5)
 
 
 class ViewPlanner:
-    """Chooses the next viewpoint, and keeps it until the sensor can have reached it."""
+    """Chooses the next viewpoint, and keeps it until the sensor can have reached it.
+
+    It changes once all objects that it is for are known or were read from there, or after `move_s`.
+    """
 
     def __init__(self) -> None:
-        """Begin without a viewpoint."""
         self.reach_m = self.move_s = math.nan
         """How far the sensor can go from where it read first [m], and how long that takes [s]."""
-        self.heights_m = (-math.inf, math.inf)
-        """Minimum and maximum z of a viewpoint [m]."""
-        self.max_stddev_m = math.nan
-        """Wanted standard deviation of landmarks [m]."""
+        self.heights_m = (-math.inf, math.inf)  # minimum and maximum z of a viewpoint [m]
+        self.max_stddev_m = math.nan  # wanted standard deviation of landmarks [m]
         self.forget()
 
     def forget(self) -> None:
         """Begin again without a viewpoint."""
-        self.view: SensorPose | None = None
-        """The next viewpoint, in the fixed frame; None if there is none."""
-        self.remedies: dict[str, str] = {}
-        """Remedies by name, for objects that no viewpoint within reach suffices for."""
+        self.view: SensorPose | None = None  # next viewpoint, in the fixed frame, if any
+        self.remedies: dict[str, str] = {}  # by name, where no viewpoint suffices
         self._began_m: Floats | None = None
         self._since_s = -math.inf
         self._wanted: set[str] = set()
 
     def take(self, reading: Reading, name: str, missing: Mapping[str, Landmark | None]) -> None:
-        """Take the last reading, and the objects that are not known well enough, by name.
-
-        The viewpoint changes once all objects that it is for are known or were read from there, or
-        `move_s` after it was chosen.
-        """
+        """Take the last reading, and the objects not known well enough; choose a view if due."""
         if self._began_m is None:
             self._began_m = reading.pose.position_m
         if (view := self.view) is not None:
@@ -121,26 +115,11 @@ def best_place(
     reach_m: float,
     heights_m: tuple[float, float] = (-math.inf, math.inf),
 ) -> Floats | None:
-    """Return the place from which one more reading of each landmark helps most.
+    """Return the place from which one more reading of each landmark leaves least mean square error.
 
-    It is the one that leaves the smallest mean squared error. Across the line of sight ranges from
-    there tell the direction; nearer, they are more exact, too.
-
-    Parameters
-    ----------
-    landmarks : sequence of Landmark
-        Those that are not known well enough yet.
-    middle_m : array, shape (3,)
-        In the fixed frame.
-    reach_m : float
-        How far from there the sensor can go in any direction.
-    heights_m : tuple of float
-        Minimum and maximum z that it can go to.
-
-    Returns
-    -------
-    array, shape (3,), or None
-        In the fixed frame [m]; None if none of them has been read.
+    Across the line of sight ranges from there tell the direction; nearer, they are more exact, too.
+    It is within `reach_m` of a place, shape (3,) [m], and between two heights, all in the fixed
+    frame; None if no landmark has been read.
     """
     seen = [one for one in landmarks if one.fit is not None and one.members]
     places = _places(middle_m, reach_m, heights_m)

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Objects that a task needs, and whether all of them are placed well enough (paper §7.1)."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,10 +15,8 @@ class Sighting(NamedTuple):
 
     stamp_ns: int
     frame_id: str
-    position_m: Floats
-    """In that frame, shape (3,)."""
-    stddev_m: float
-    """Standard deviation of the position along the axis in which it is largest."""
+    position_m: Floats  # in that frame, shape (3,)
+    stddev_m: float  # standard deviation of the position along the axis in which it is largest
 
 
 class ObjectBoard:
@@ -29,8 +25,8 @@ class ObjectBoard:
     def __init__(self, names: Sequence[str], max_stddev_m: float, stale_after_s: float) -> None:
         """Wait for objects by name; ValueError if there is none, or one comes twice.
 
-        An object is placed if `Sighting.stddev_m` is at most `max_stddev_m` [m], and it was seen
-        less than `stale_after_s` [s] ago.
+        One is placed if its deviation is at most `max_stddev_m`, and it was seen less than
+        `stale_after_s` ago.
         """
         if not names:
             raise ValueError('objects: there is no name; name at least one')
@@ -45,11 +41,7 @@ class ObjectBoard:
     def see(
         self, name: str, stamp_ns: int, frame_id: str, position_m: Floats, covariance: Floats
     ) -> bool:
-        """Take a sighting of an object; return whether it is used.
-
-        It is not if a newer one is known. The position in the frame is of shape (3,) [m], its
-        covariance of shape (3, 3) [m²].
-        """
+        """Take a sighting, with its covariance (3, 3); return False if a newer one is known."""
         known = self._sightings.get(name)
         # Much older ones are of a clock that was set back, or of a bag played again.
         if known is not None and 0 < known.stamp_ns - stamp_ns < self.stale_after_s * 1e9:

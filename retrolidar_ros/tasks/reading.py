@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A reading of a marker with the pose of its sensor, and the correlation of errors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -18,25 +16,20 @@ _UNIT, _MAX_AWAY_M = 1e-6, 1e7
 class SensorPose(NamedTuple):
     """Where a sensor was in the fixed frame."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the sensor's optical frame into those of the fixed one, shape (3, 3)."""
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the optical frame into those of the fixed one, (3, 3)
 
 
 class Reading(NamedTuple):
     """One reading of one marker by one sensor."""
 
     marker: int
-    sensor: str
-    """What identifies the sensor, such as its frame."""
+    sensor: str  # what identifies the sensor, such as its frame
     stamp_s: float
     range_m: float
     range_stddev_m: float
-    direction: Floats
-    """Unit vector in the sensor's optical frame, shape (3,)."""
-    spread_rad: Floats
-    """Deviations of the direction along the rows of `axes_of`, shape (2,)."""
+    direction: Floats  # unit vector in the sensor's optical frame, shape (3,)
+    spread_rad: Floats  # deviations of the direction along the rows of `axes_of`, shape (2,)
     pose: SensorPose
 
 
@@ -66,14 +59,9 @@ def reading(
 ) -> Reading:
     """Return a possible detection as a reading; ValueError for a pose that is none.
 
-    Parameters
-    ----------
-    position_m : array, shape (3,)
-        Of the marker in the sensor's frame [m]; its direction counts.
-    covariance : array, shape (3, 3)
-        Of that [m²]; what is across the direction counts, the box of a zone.
-    others
-        As in `Reading`.
+    Of the marker's position in the sensor's frame, shape (3,) [m], the direction counts; of its
+    covariance, shape (3, 3) [m²], what is across that, the box of a zone. The rest is as in
+    `Reading`.
     """
     off = float(np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max())
     if not (off < _UNIT and np.abs(pose.position_m).max() < _MAX_AWAY_M):  # nor NaN
@@ -90,33 +78,22 @@ def reading(
 class Errors:
     """Standard deviations of errors that readings share, besides the independent ones."""
 
-    range_bias_m: float = 0.002
-    """Of a sensor's range, the same in all its readings; a calibration narrows it."""
-    range_m: float = 0.0005
-    """Of a range, in addition to its own."""
-    box_rad: float = 0.0175
-    """How far a direction may be beyond its box, by lens and mounting; a limit."""
-    edge_rad: float = 0.009
-    """How soft the edges of that box are."""
-    pose_m: float = 0.002
-    """Of the sensor's position, along each axis."""
-    turn_rad: float = 0.0035
-    """Of the sensor's orientation, about each axis."""
-    acceleration: float = 0.0
-    """Of a moving marker, along each axis [m/s²]; 0: it is at rest."""
-    speed: float = 0.5
-    """Of a moving marker, along each axis [m/s]."""
+    range_bias_m: float = 0.002  # of a sensor's range in all its readings; a calibration narrows it
+    range_m: float = 0.0005  # of a range, in addition to its own
+    box_rad: float = 0.0175  # limit of a direction beyond its box, by lens and mounting
+    edge_rad: float = 0.009  # how soft the edges of that box are
+    pose_m: float = 0.002  # of the sensor's position, along each axis
+    turn_rad: float = 0.0035  # of the sensor's orientation, about each axis
+    acceleration: float = 0.0  # of a moving marker, along each axis [m/s²]; 0: it is at rest
+    speed: float = 0.5  # of a moving marker, along each axis [m/s]
 
 
 # Share of the variance of a range that its readings from one place have in common: a background or
 # another marker in the zone shifts them in the same way.
 _SHARED = 0.25
-# Correlation time of the acceleration of a moving marker.
-_LASTING_S = 3.0
-# A sensor without a reading for so long does not see the marker.
-_SILENT_S = 2.0
-# Distance within which the errors of a sensor correlate [m].
-_ALIKE_M = 0.05
+_LASTING_S = 3.0  # correlation time of the acceleration of a moving marker
+_SILENT_S = 2.0  # a sensor without a reading for so long does not see the marker
+_ALIKE_M = 0.05  # distance within which the errors of a sensor correlate [m]
 
 
 class Readings:
@@ -134,18 +111,15 @@ class Readings:
         direction = np.array([one.direction for one in readings])
         own = np.concatenate([axes_of(direction), direction[:, None]], axis=1)
         axes = own @ rotation.swapaxes(1, 2)
-        self.axes = axes[:, :2]
-        """Across the measured directions, in the fixed frame, shape (n, 2, 3)."""
-        self.direction = axes[:, 2]
-        """As measured, in the fixed frame, shape (n, 3)."""
+        self.axes = axes[:, :2]  # across the directions, in the fixed frame, shape (n, 2, 3)
+        self.direction = axes[:, 2]  # as measured, in the fixed frame, shape (n, 3)
         sensor = np.array([one.sensor for one in readings])
         self.stamp_s = float(stamp_s.max())
         """When the estimate holds: if the marker moves, up to when all sensors have reported."""
         if errors.acceleration:
             newest_s = np.array([stamp_s[sensor == one].max() for one in set(sensor.tolist())])
             self.stamp_s = float(newest_s[newest_s > self.stamp_s - _SILENT_S].min())
-        self.before_s = self.stamp_s - stamp_s
-        """How long before that each was taken."""
+        self.before_s = self.stamp_s - stamp_s  # how long before that each was taken
         self._moved_m2 = errors.acceleration**2 * _wandered(self.before_s)
         apart = np.linalg.norm(self.sensor_m[:, None] - self.sensor_m, axis=-1)
         self._one_sensor = sensor[:, None] == sensor
@@ -158,12 +132,9 @@ class Readings:
     def range_covariance(self, sight_m: Floats, place_variance: Floats) -> Floats:
         """Return the covariance of the errors of all ranges, shape (n, n) [m²].
 
-        Parameters
-        ----------
-        sight_m : array, shape (n, 3)
-            From the sensors to where the markers are now thought to be, in the fixed frame.
-        place_variance : array, shape (n, 3, 3)
-            Of the marker's place on its object, in the fixed frame [m²].
+        All is in the fixed frame: `sight_m` leads from the sensors to where the markers are thought
+        to be, shape (n, 3), and `place_variance` (n, 3, 3) is of the markers' places on their
+        object [m²].
         """
         errors = self._errors
         unit = sight_m / np.linalg.norm(sight_m, axis=1)[:, None]
@@ -185,8 +156,8 @@ class Readings:
 def _wandered(before_s: Floats) -> Floats:
     """Return the covariance of displacements for an acceleration of variance 1 [s⁴].
 
-    The acceleration is a Gauss-Markov process, whose correlation falls off in `_LASTING_S`
-    (Singer 1970). Times before and after that of the estimate have opposite signs.
+    It is a Gauss-Markov process, whose correlation falls off in `_LASTING_S` (Singer 1970). Times
+    before and after that of the estimate have opposite signs.
     """
     tau, apart_s = _LASTING_S, np.abs(before_s)
     short, long = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)

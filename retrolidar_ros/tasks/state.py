@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pose and motion of an object in the fixed frame: prior and estimate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +14,9 @@ from retrolidar_ros.sensor.rotation import turn_of
 class State:
     """Pose and motion of an object in the fixed frame."""
 
-    position_m: Floats
-    """Shape (3,)."""
-    rotation: Floats
-    """Turns directions of the object into those of the fixed frame, shape (3, 3)."""
-    velocity: Floats
-    """Shape (3,) [m/s]."""
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the object into those of the fixed frame, shape (3, 3)
+    velocity: Floats  # shape (3,) [m/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +24,7 @@ class Prior:
     """A pose that is known before any reading."""
 
     state: State
-    covariance: Floats
-    """Of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)."""
+    covariance: Floats  # of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +32,9 @@ class Fit:
     """An estimate, and how well each reading agrees with it."""
 
     state: State
-    covariance: Floats
-    """Of position, rotation about the fixed axes and velocity, shape (9, 9)."""
-    stamp_s: float
-    """When it holds."""
-    scores: Floats
-    """Of range and of both directions: residuals in their deviations, shape (n, 3).
-
-    Of a direction, what is beyond its box.
-    """
+    covariance: Floats  # of position, rotation about the fixed axes and velocity, shape (9, 9)
+    stamp_s: float  # when it holds
+    scores: Floats  # residuals in deviations, of range and of directions beyond their box, (n, 3)
 
 
 def between(one: State, other: State) -> Floats:

@@ -1,10 +1,10 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All landmarks: data association by name."""
+"""All landmarks: data association by name, and readings that wait to be solved."""
 
-from __future__ import annotations
-
+from collections import deque
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors, Reading
 from retrolidar_ros.tasks.state import Prior
 
-MAX_LANDMARKS = 500
-"""Of a survey: as many fit into a file that is read."""
+MAX_LANDMARKS = 500  # of a survey: as many fit into a file that is read
 _ORIGIN = np.zeros(3)
+_MAX_WAITING = 8  # readings of a landmark
 
 
 class Survey:
@@ -27,17 +27,7 @@ class Survey:
         errors: Errors,
         known: Mapping[str, Prior] | None = None,
     ) -> None:
-        """Begin.
-
-        Parameters
-        ----------
-        objects : mapping of str to mapping of int to array, shape (3,)
-            The markers of objects by ID, with their places [m].
-        errors : Errors
-            What readings share.
-        known : mapping of str to Prior, or None
-            Of a former survey, by name.
-        """
+        """Begin with objects, the places (3,) [m] of their markers by ID, and a former survey."""
         self.landmarks: dict[str, Landmark] = {}
         self._objects = objects
         self._errors = errors
@@ -47,11 +37,8 @@ class Survey:
     def take(self, name: str, *readings: Reading) -> Landmark:
         """Take readings of one landmark, and return that.
 
-        Raises
-        ------
-        ValueError
-            If another marker has this name, there are too many landmarks, or readings cannot be
-            solved.
+        ValueError if another marker has this name, there are too many landmarks, or readings cannot
+        be solved.
         """
         landmark = self._landmark(name, readings[0].marker)
         landmark.take(*readings)
@@ -90,3 +77,39 @@ class Survey:
         fresh = Landmark(name, markers, self._errors, self._known.get(name))
         self.landmarks[name] = fresh
         return fresh
+
+
+class Batch(NamedTuple):
+    """The waiting readings of one landmark."""
+
+    name: str
+    readings: deque[Reading]
+    since_s: float  # when the first of them came
+
+
+class Backlog:
+    """A bounded queue of landmarks: who waits longest is next, with all its readings at once."""
+
+    def __init__(self) -> None:
+        self.dropped = 0  # readings that were dropped for newer ones of their landmark
+        self._batches: dict[str, Batch] = {}
+
+    def __len__(self) -> int:
+        """Return how many readings wait."""
+        return sum(len(one.readings) for one in self._batches.values())
+
+    def add(self, name: str, reading: Reading, now_s: float) -> None:
+        """Queue a reading of a landmark."""
+        if name not in self._batches:
+            self._batches[name] = Batch(name, deque(maxlen=_MAX_WAITING), now_s)
+        readings = self._batches[name].readings
+        self.dropped += len(readings) == _MAX_WAITING
+        readings.append(reading)
+
+    def pop(self) -> Batch:
+        """Return the batch that waits longest."""
+        return self._batches.pop(next(iter(self._batches)))
+
+    def clear(self) -> None:
+        """Empty the queue."""
+        self._batches.clear()

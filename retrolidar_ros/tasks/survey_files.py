@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of landmarks, written such that no map on disk is lost."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Collection, Mapping
@@ -29,26 +27,12 @@ def load_survey(path: Path) -> tuple[str, dict[str, Prior]]:
 
 
 def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
-    """Write landmarks, and return what was done.
+    """Write landmarks, whose estimates are in a fixed frame, and return what was done.
 
-    The file is written beside and renamed, so there is always a whole one. The one before is kept
-    as a backup, with `.bak` after its name.
-
-    Parameters
-    ----------
-    path : Path
-        A file of landmarks, or none yet.
-    frame : str
-        The fixed frame of the estimates.
-    estimates : list of Estimate
-
-    Raises
-    ------
-    OSError
-        If a file cannot be read or written.
-    ValueError
-        If something would be lost: there is no landmark, or the file is not a map, or is one in
-        another frame or with other landmarks besides.
+    The file is written beside and renamed, so there is always a whole one; the one before is kept,
+    with `.bak` after its name. OSError if a file cannot be read or written; ValueError if something
+    would be lost: there is no landmark, or the file is no map, or one in another frame or with
+    others.
     """
     if not estimates:
         raise ValueError('nothing is placed, and an empty map is not written; delete it by hand')

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from harness_frames import make_frame
 
-from retrolidar_ros.cli.watch_state import Watch
+from retrolidar_ros.cli.watch import Watch
 from retrolidar_ros.cli.watch_view import (
     BRIGHT,
     DARK,
@@ -22,17 +22,14 @@ from retrolidar_ros.cli.watch_view import (
     line,
     screen,
 )
-from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
-from retrolidar_ros.detector.newest_bits import NewestBits, newest_bits
+from retrolidar_ros.detector.blinking_zones import NewestBits, Samples, modulation_db, newest_bits
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.noise import NoiseLaw
-from retrolidar_ros.sensor.protocols import PROTOCOLS
-from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.model import NoiseLaw, Status
+from retrolidar_ros.sensor.serial_source import PROTOCOLS, SerialSource
 
 ID, ZONE = 2073, 10
 SCENE = Scene(

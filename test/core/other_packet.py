@@ -28,8 +28,7 @@ from retrolidar_ros.scene.description import Marker, Noise, Ranging, Scene, Sens
 from retrolidar_ros.scene.reference import RESPONSE
 from retrolidar_ros.scene.simulation import Simulation
 from retrolidar_ros.sensor.frame import ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX, SensorModel, Status
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw, SensorModel, Status
 
 BIT_S = 0.133
 VALID, MERGED, NOTHING = 0, 1, 2

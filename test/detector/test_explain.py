@@ -13,15 +13,14 @@ import pytest
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.findings import Cause, Finding
-from retrolidar_ros.detector.likelihood_detector import Candidate, Reason
+from retrolidar_ros.detector.likelihood_detector import Candidate, Reason, Rejections
 from retrolidar_ros.detector.parameters import defaults
-from retrolidar_ros.detector.rejections import Rejections
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import NoiseLaw
 
 SENSOR = Sensor(jitter_s=0.001, noise=Noise(4.6, 0.22))
 BITS_MS = (21, 30, 37, 38, 39, 50, 63, 84, 120)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
-from retrolidar_ros.detector.parameters import defaults, detector_of
+from retrolidar_ros.detector.parameters import DetectorSettings, defaults
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
@@ -23,15 +23,15 @@ def frames_of(bit: str = '42 ms', seconds: float = 20.0) -> list[Frame]:
 
 def findings(frames: list[Frame], **changes: Any) -> list[str]:
     """Return what is said once a second, while a detector reads what it can."""
-    values = {**defaults(), **changes}
-    detector = detector_of(values, frames[0].grid, {})
+    settings = DetectorSettings({**defaults(), **changes})
+    detector = settings.detector(frames[0].grid)
     monitor = FrameMonitor(frames[0].grid)
     found = []
     for number, frame in enumerate(frames):
         if monitor.take(frame):
             monitor.read(detector.update(frame))
         if number % 48 == 47:
-            found.append(str(monitor.unread(values, {}) or ''))
+            found.append(str(monitor.unread(settings) or ''))
     return found
 
 

@@ -17,8 +17,7 @@ from evaluation.bench.stresses import STRESSES, Stress
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.model import VL53L8CX
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 
 LAW = NoiseLaw()
 STRESS = {stress.name: stress for stress in STRESSES}

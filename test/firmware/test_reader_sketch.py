@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from harness_firmware import ROOT, RawFrame, assert_same_zones, make, read_line, run_host
 
-from retrolidar_ros.scene.firmware import VERSION
+from retrolidar_ros.scene.emulator import VERSION
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import KIND_IDENTITY, Identity, decode_identity
 from retrolidar_ros.sensor.wire import FrameReader, cobs_decode

@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray
-from retrolidar_ros.nodes import detector_topics, frame_topics
+from retrolidar_ros.nodes import detector_topics, driver
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
     from_frame_msg,
@@ -243,8 +243,8 @@ def test_the_detector_reports_the_ages_of_the_readings_of_known_markers(chain: C
 
 
 MADE = {
-    'points': (PointCloud2, frame_topics, 'to_point_cloud'),
-    'signal_image': (Image, frame_topics, 'to_signal_image'),
+    'points': (PointCloud2, driver, 'to_point_cloud'),
+    'signal_image': (Image, driver, 'to_signal_image'),
     'markers_array': (MarkerDetectionArray, detector_topics, 'to_array'),
     'marker_array': (MarkerArray, detector_topics, 'marker_shapes'),
 }

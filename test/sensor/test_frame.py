@@ -10,10 +10,16 @@ from harness_frames import make_frames
 from hypothesis import given
 from hypothesis import strategies as st
 
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid, valid_samples
-from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.noise import NoiseLaw
+from retrolidar_ros.sensor.frame import (
+    Floats,
+    Frame,
+    Recording,
+    ZoneGrid,
+    missing_frames,
+    stamps_stand,
+    valid_samples,
+)
+from retrolidar_ros.sensor.model import NoiseLaw, Status
 from retrolidar_ros.sensor.rotation import matrix_of, matrix_of_turn, quaternion_of, turn_of
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]

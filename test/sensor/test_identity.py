@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 import pytest
 from harness_frames import make_frame, make_packets, reader_in_step, sequences
 
-from retrolidar_ros.scene.firmware import EmulatedFirmware
+from retrolidar_ros.scene.emulator import EmulatedFirmware
 from retrolidar_ros.sensor.identity import Command, Commands, Identity, encode_identity
 from retrolidar_ros.sensor.wire import FrameReader, encode_packet
 

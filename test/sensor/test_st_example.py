@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from st_board import Board, Zone, check_zones, make_zones, text_of
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
-from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.serial_source import PROTOCOLS
 from retrolidar_ros.sensor.st_example import MAX_LINE_BYTES, PATIENCE_FRAMES, StExampleReader
 from retrolidar_ros.sensor.wire import WireCounts
 

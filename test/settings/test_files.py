@@ -17,8 +17,8 @@ from retrolidar_ros.detector.parameters import READING
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.files import find_scene, load_scene
-from retrolidar_ros.sensor.noise import NoiseLaw
-from retrolidar_ros.sensor.protocols import PROTOCOLS
+from retrolidar_ros.sensor.model import NoiseLaw
+from retrolidar_ros.sensor.serial_source import PROTOCOLS
 from retrolidar_ros.settings import resources
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.resources import shared_file

@@ -13,9 +13,9 @@ from harness_readings import ERRORS, HERE, SQUARE, estimate_of, seen
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
-from retrolidar_ros.tasks.backlog import Backlog
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.survey import Backlog
 
 
 def known_room(

@@ -6,17 +6,14 @@ Where the paper leaves something open, this module decides:
 
 A free-running stream
     The paper looks for one start within t_wake of a query. Here a zone whose likelihood passes
-    the threshold opens a candidate, and t_wake is what remains of its packet: a higher
-    likelihood before the packet has ended replaces the candidate. The arg max is thus known
-    with the last sample of the packet. The search goes on with the starts whose preambles end
-    later; they may lie in the packet's last seven bits, or a stream that was taken up at a
-    wrong start would always be taken up there.
+    the threshold opens a candidate, which a higher one replaces before its packet has ended. The
+    search goes on with the starts whose preambles end later; they may lie in the packet's last
+    seven bits, or a stream that was taken up at a wrong start would always be taken up there.
 Ties of the likelihood
     The earliest start wins.
 DC offset
-    Taken from a packet's length of samples before the start (from fewer, at least four, soon
-    after the beginning) by `silent_level`, whether a marker was silent then or not. It is held
-    while a candidate is open.
+    Taken from a packet's length of samples before the start, or at least four, by `silent_level`,
+    whether a marker was silent then or not. It is held while a candidate is open.
 Abnormal frames
     "No target" is one of them, so a marker without a background is not read: its bright level
     is held through its dark bits. Before its first normal sample a zone has the same signal.
@@ -25,20 +22,15 @@ Lost frames
     successive samples, however long the period really is.
 Sign of c
     A marker's dark bits make it negative, but l has only its square.
-Reserved IDs
-    The codewords of 0 and 4095 are constant: any step of the signal gives one. They are rejected.
-Unregistered IDs
-    The paper has no list of allowed IDs. Here other IDs are rejected after decoding; the search
-    does not use the list.
+IDs
+    The codewords of 0 and 4095 are constant, as any step of the signal is: they are rejected. So
+    are unregistered IDs, after decoding; the search does not use the list.
 Range
     The mean of the distances measured during the packet, of any target.
 Several zones
     Each zone reads alone. Zones that read the same ID with the same frame make one detection,
-    placed in the zone with the largest modulation; a zone that ends the same packet later
-    than that adds nothing.
+    placed in the zone with the largest modulation; one that ends the packet later adds nothing.
 """
-
-from __future__ import annotations
 
 import math
 

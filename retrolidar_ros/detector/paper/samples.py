@@ -18,15 +18,13 @@ class LastSamples:
     def __init__(self, zones: int, length: int, frame_period_s: float) -> None:
         """Keep `length` samples of `zones` zones taken every `frame_period_s`."""
         self._length = length
-        self.count = 0
-        """Samples taken since the start, gaps included."""
+        self.count = 0  # samples taken since the start, gaps included
         self._period_ns = frame_period_s * 1e9
         self._signal = np.zeros((length, zones))
         self._distance = np.full((length, zones), np.nan)
         self._stamp_ns = np.zeros(length, dtype=np.int64)
         self._seen = np.zeros(zones, dtype=bool)
-        self.impossible = 0
-        """Samples so far that `valid_samples` calls impossible."""
+        self.impossible = 0  # samples so far that `valid_samples` calls impossible
 
     def push(self, frame: Frame) -> Iterator[tuple[int, int]]:
         """Append a frame, and before it what a gap in the stamps has lost, sample by sample.
@@ -34,15 +32,10 @@ class LastSamples:
         Abnormal samples repeat the zone's previous signal (paper §3.5), and so do those of lost
         frames, whose number the stamps give: a frame half a period early or late is still the
         next. Where the stamps go back or leave a gap as long as all that is kept, the samples
-        start again.
-        A frame with the stamp of the one before is the same frame again, and makes no sample.
+        start again. The same stamp is the same frame again, and makes no sample.
 
-        Yields
-        ------
-        count : int
-            How many samples there are since the beginning, after each one.
-        stamp_ns : int
-            Time of the last frame up to this sample [ns].
+        Yields how many samples there are after each one, and the time of the last frame up to it
+        [ns].
         """
         normal, impossible = valid_samples(frame.signal, frame.distance, frame.status)
         previous, last_ns = self._signal[-1].copy(), int(self._stamp_ns[-1])

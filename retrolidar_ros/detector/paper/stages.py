@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stages of the paper's method: silent level, start of a preamble, bits and their fit."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +13,7 @@ from retrolidar_ros.sensor.model import VL53L8CX
 
 SAMPLES_PER_BIT = 2  # the marker sends at half the frame rate (paper §3.4)
 PREAMBLE_SAMPLES = SAMPLES_PER_BIT * len(PREAMBLE)
-_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)
-"""The paper's p."""
+_TEMPLATE: Floats = np.repeat(PREAMBLE, SAMPLES_PER_BIT).astype(np.float64)  # the paper's p
 PACKET_SAMPLES = SAMPLES_PER_BIT * PACKET_BITS
 # Lower bound of a residual: the quantisation noise of the sensor [kcps/SPAD].
 _RESOLUTION_STDDEV = VL53L8CX.signal_step / np.sqrt(12)
@@ -28,22 +25,12 @@ _TRANSMITTING = 0.14
 
 
 def silent_level(signal: Floats) -> Floats:
-    """Estimate the signal of a zone while no marker in it transmits.
+    """Estimate the signal of zones while no marker in them transmits, (samples, zones) to (zones,).
 
     The paper takes the mean of the samples before a marker wakes (§3.5). A marker that repeats
     its packet without a pause has no such time, but a silent marker is bright: there the
     samples nearer to the brightest quarter than to the darkest are averaged. At least a third of
     the bits of any packet are bright and a third are dark, the reserved IDs excepted.
-
-    Parameters
-    ----------
-    signal : array, shape (samples, zones)
-        At least four samples [kcps/SPAD].
-
-    Returns
-    -------
-    array, shape (zones,)
-        [kcps/SPAD]
     """
     mean: Floats = signal.mean(axis=0)
     centred = signal - mean
@@ -68,10 +55,8 @@ def _bright_level(signal: Floats) -> Floats:
 class PreambleFit(NamedTuple):
     """Least-squares fits of the preamble, each field of shape (zones,)."""
 
-    c: Floats
-    """Channel coefficient: what a dark bit adds to the signal, less than 0 [kcps/SPAD]."""
-    e: Floats
-    """Root of the summed squared error [kcps/SPAD]."""
+    c: Floats  # channel coefficient: what a dark bit adds to the signal, less than 0 [kcps/SPAD]
+    e: Floats  # root of the summed squared error [kcps/SPAD]
     likelihood: Floats
 
 
@@ -84,19 +69,8 @@ def fit_preamble(signal: Floats, d: Floats) -> PreambleFit:
 
     with e + 1 instead of e by the paper's footnote 1. The paper leaves open whether s holds the
     DC offset; with 0 and 1 in p only s = I - d makes the c that its bit decision I = d + c asks
-    for.
-
-    Parameters
-    ----------
-    signal : array, shape (14, zones)
-        The cropped sequence I [kcps/SPAD].
-    d : array, shape (zones,)
-        DC offset: the signal while the marker does not transmit [kcps/SPAD].
-
-    Returns
-    -------
-    PreambleFit
-        Likelihood 0 where d is 0: nothing is received there.
+    for. I is of shape (14, zones) and d, the signal while nothing is sent, of (zones,) [kcps/SPAD];
+    where that is 0 nothing is received, and the likelihood is 0.
     """
     s = signal - d
     c = _TEMPLATE @ s / (_TEMPLATE @ _TEMPLATE)
@@ -109,19 +83,8 @@ def fit_preamble(signal: Floats, d: Floats) -> PreambleFit:
 def threshold_bits(signal: Floats, d: Floats, c: Floats) -> NDArray[np.uint8]:
     """Decide the bits of packets by the nearer level: d for 0, d + c for 1 (paper §3.5).
 
-    The paper decides by sample and does not say how two samples make a bit; here their mean
-    is compared.
-
-    Parameters
-    ----------
-    signal : array, shape (62, packets)
-        [kcps/SPAD]
-    d, c : array, shape (packets,)
-        DC offset and channel coefficient [kcps/SPAD].
-
-    Returns
-    -------
-    array of uint8, shape (packets, 31)
+    The paper does not say how two samples make a bit; here their mean is compared. Signals (62,
+    packets) and levels (packets,) give bits of shape (packets, 31).
     """
     level = signal.reshape(PACKET_BITS, SAMPLES_PER_BIT, -1).mean(axis=1)
     bits: NDArray[np.uint8] = (np.abs(level - d) > np.abs(level - (d + c))).astype(np.uint8)
@@ -131,24 +94,13 @@ def threshold_bits(signal: Floats, d: Floats, c: Floats) -> NDArray[np.uint8]:
 class PacketFit(NamedTuple):
     """Fit of samples to the packets that were read, each field of shape (packets,)."""
 
-    amplitude: Floats
-    """Bright minus dark [kcps/SPAD]."""
-    score: Floats
-    """Normalised correlation, -1 to 1."""
-    snr_db: Floats
-    """20 log10 of amplitude over the residual's standard deviation [dB]."""
+    amplitude: Floats  # bright minus dark [kcps/SPAD]
+    score: Floats  # normalised correlation, -1 to 1
+    snr_db: Floats  # 20 log10 of amplitude over the residual's standard deviation [dB]
 
 
 def fit_packets(signal: Floats, ids: NDArray[np.int64]) -> PacketFit:
-    """Fit the sent packets, with free gain and offset, to the samples of each.
-
-    Parameters
-    ----------
-    signal : array, shape (62, packets)
-        [kcps/SPAD]
-    ids : array of int, shape (packets,)
-        The IDs that were read.
-    """
+    """Fit sent packets, with free gain and offset, to the samples of each, shape (62, packets)."""
     bright = np.repeat(1.0 - packet(ids), SAMPLES_PER_BIT, axis=-1).T
     bright = bright - bright.mean(axis=0)
     centred = signal - signal.mean(axis=0)

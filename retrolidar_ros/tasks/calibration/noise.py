@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats, Recording, valid_samples
-from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.sensor.noise import NoiseLaw
-from retrolidar_ros.tasks.calibration.estimate import Estimate, estimates
+from retrolidar_ros.sensor.model import NoiseLaw, Status
 
 _BLOCK = 128  # frames
 _MIN_SAMPLES = 48  # samples of a block
@@ -29,37 +27,54 @@ _ALL_MOVE = 0.3
 _LAGS = (20, 320)  # frames after which a packet may come again
 _MAX_SIMILAR = 6.0  # standard deviations, of steps of white noise
 _ROUNDS = 30
-# A slope that is less certain than this share of it is not reported.
-_MIN_SURE = 0.35
+_MIN_SURE = 0.35  # a slope that is less certain than this share of it is not reported
 _MIN_FLOOR = 1e-3
 _MIN_AMBIENT = 1.0  # by which the ambient light has to vary [kcps/SPAD]
+_NORMAL_95 = 1.96
+
+
+class Estimate(NamedTuple):
+    """A value with its standard deviation."""
+
+    value: float
+    stddev: float
+
+    def times(self, factor: float) -> Estimate:
+        """Return it in another unit."""
+        return Estimate(self.value * factor, self.stddev * abs(factor))
+
+    def text(self, unit: str = '') -> str:
+        """Return value ± half of the interval that holds the truth in 95 of 100 cases."""
+        half = _NORMAL_95 * self.stddev
+        digits = 6 if half <= 0 else min(max(1 - math.floor(math.log10(half)), 0), 6)
+        return f'{self.value:.{digits}f} ± {half:.{digits}f}{" " if unit else ""}{unit}'
+
+
+def weighted_mean(values: Floats, stddev: Floats) -> Estimate:
+    """Return the weighted mean of values (n,), with its uncertainty raised if they disagree."""
+    weight = stddev**-2
+    mean = float(weight @ values / weight.sum())
+    excess = float(weight @ (values - mean) ** 2) / max(len(values) - 1, 1)
+    return Estimate(mean, float(np.sqrt(max(excess, 1.0) / weight.sum())))
 
 
 class Block(NamedTuple):
     """Samples of one zone at rest."""
 
-    signal: float
-    """Mean [kcps/SPAD]."""
-    ambient: float
-    """Mean [kcps/SPAD]."""
-    variance: float
-    """[(kcps/SPAD)²]"""
+    signal: float  # mean [kcps/SPAD]
+    ambient: float  # mean [kcps/SPAD]
+    variance: float  # [(kcps/SPAD)²]
     samples: int
 
 
 class NoiseFound(NamedTuple):
     """The noise law and its fit."""
 
-    floor: Estimate
-    """[(kcps/SPAD)²]; with the ambient light's, where that did not vary."""
-    slope: Estimate | None
-    """[kcps/SPAD]; None if the zones have too similar signals."""
-    ambient: Estimate | None
-    """[kcps/SPAD]; None if the ambient light did not vary enough."""
-    light: float
-    """Mean ambient light [kcps/SPAD]."""
-    zones: list[int]
-    """Those at rest."""
+    floor: Estimate  # [(kcps/SPAD)²]; with the ambient light's, where that did not vary
+    slope: Estimate | None  # [kcps/SPAD]; None if the zones have too similar signals
+    ambient: Estimate | None  # [kcps/SPAD]; None if the ambient light did not vary enough
+    light: float  # mean ambient light [kcps/SPAD]
+    zones: list[int]  # those at rest
     blocks: list[Block]
 
     @property
@@ -150,12 +165,13 @@ def _fitted(blocks: list[Block], zones: list[int]) -> NoiseFound:
 
 
 def _weighted(design: Floats, variance: Floats, freedom: Floats) -> list[Estimate]:
-    """Return the coefficients of a law."""
+    """Return the coefficients of a law; a reduced chi-square above 1 raises their deviations."""
     expected = np.full_like(variance, variance.mean())
     for _ in range(_ROUNDS):
         weight = freedom / (2 * expected**2)
         covariance = np.linalg.pinv((design.T * weight) @ design)
         value = covariance @ (design.T @ (weight * variance))
         expected = np.maximum(design @ value, 1e-3 * variance.mean())
-    left = float(weight @ (variance - expected) ** 2)
-    return estimates(value, covariance, left, len(variance) - len(value))
+    chi2 = float(weight @ (variance - expected) ** 2) / max(len(variance) - len(value), 1)
+    deviations = np.sqrt(np.diag(covariance) * max(chi2, 1.0))
+    return [Estimate(*one) for one in zip(value.tolist(), deviations.tolist(), strict=True)]

@@ -2,10 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: parameters, plain sentences, and what to record next."""
 
-from __future__ import annotations
-
-from retrolidar_ros.tasks.calibration.calibrate import Calibration
-from retrolidar_ros.tasks.calibration.markers import MarkerFound
+from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
 _LONG_S = 20.0
