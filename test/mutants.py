@@ -32,7 +32,7 @@ from typing import NamedTuple
 from evaluation.bench.core_parts import PARTS
 
 ROOT = Path(__file__).resolve().parents[1]
-DECISION_TESTS = 'test/detector/test_{oracle,rivals,decision_parts}.py'
+DECISION_TESTS = 'test/detector/test_{oracle,decision_parts}.py'
 CORE_TESTS = (
     'test/detector/test_pinned_reading.py',
     'test/detector test/firmware test/marker test/sensor',
