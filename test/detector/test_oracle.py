@@ -215,7 +215,9 @@ def one_of_four(
     take_lights(core, np.random.default_rng(seed), seen)
     _, rows = core.open(0.1, 0.1 + PACKET_S, 0)
     held = core.rows(0)
-    others = [packet(other).astype(np.float64) for other in NUMBERS if other != number]
+    others: list[Floats] = [
+        packet(other).astype(np.float64) for other in NUMBERS if other != number
+    ]
     return [held.zone(LAW, rows)], held.begin_s[rows], others
 
 
