@@ -11,7 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from evaluation.bench.judging import judged
 from evaluation.bench.recordings import record
 from evaluation.bench.stresses import STRESSES, Stress
 from retrolidar_ros.detector import Detection, Detector, create_detector
@@ -169,14 +168,6 @@ def at_rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
     """Return those frames of a recording."""
     arrays: dict[str, Any] = {name: getattr(recording, name)[rows] for name in ARRAYS}
     return replace(recording, **arrays)
-
-
-@pytest.mark.parametrize('name', ['second marker 25%', 'clipped at 70 %', 'sways ±25 % in 0.9 s'])
-@pytest.mark.parametrize('signal', [150.0, 600.0])
-def test_the_brighter_the_surer(name: str, signal: float) -> None:
-    """All disturbances of a marker's light grow with it, and none of them costs a bright one."""
-    sent = record(STRESS[name], signal, np.random.default_rng(round(signal)))
-    assert np.mean(judged(sent, {'method': 'joint'}).right) >= 0.9
 
 
 CLOCKS = Stress('two markers, lost frames, noise', second=0.6, lost=0.1, noise=2.0, sway=0.2)
