@@ -76,12 +76,6 @@ def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> 
         printed(compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', *made)
 
 
-def test_arguments_that_the_types_do_not_hold_are_refused() -> None:
-    assert core.lib.rl_packet(2073) >> core.lib.RL_WORD_BITS == core.lib.RL_PREAMBLE
-    with pytest.raises(OverflowError):
-        core.lib.rl_packet(2**16)
-
-
 def test_a_missing_core_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'retrolidar_ros._core', None)
     with pytest.raises(ImportError, match=r'compiled core is missing.*build-essential') as caught:
