@@ -33,10 +33,6 @@ def install(directory: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(resources, '_PACKAGE', directory / 'retrolidar_ros')
 
 
-def test_the_message_definition_is_found() -> None:
-    assert 'float32[] distance' in shared_file('msg/Frame.msg').read_text()
-
-
 def test_a_source_tree_holds_its_own_files(tmp_path: Path, monkeypatch: Patch) -> None:
     root = tmp_path / 'src' / 'repository'
     install(root, monkeypatch)
