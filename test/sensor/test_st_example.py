@@ -40,9 +40,14 @@ def read_one(text: bytes) -> Frame:
 
 @both_sides
 @pytest.mark.parametrize('line_end', ['\n', '\r\n'])
-def test_what_is_printed_is_read(side: int, line_end: str) -> None:
-    zones = make_zones(side)
-    frame = read_one(text_of(zones, line_end=line_end))
+def test_what_is_printed_is_read_with_the_end_of_its_last_row(side: int, line_end: str) -> None:
+    zones, reader = make_zones(side), new_reader()
+    text = text_of(zones, line_end=line_end)
+    end = text.rindex(b'|' + line_end.encode()) + 1 + len(line_end)
+    assert reader.feed(text[: end - 1]) == []
+    (frame,) = reader.feed(text[end - 1 : end])
+    assert reader.feed(text[end:]) == []
+    assert reader.counts == WireCounts(frames=1)
     assert frame.grid == ZoneGrid(side, side)
     assert (frame.stamp_ns, frame.sensor_time_us) == (NOW_NS // 1000 * 1000, NOW_NS // 1000)
     for array in (frame.distance, frame.signal, frame.ambient):
@@ -59,18 +64,6 @@ def test_statuses_and_negative_distances(printed: int, expected: int) -> None:
     frame = read_one(text_of([Zone(-12, printed)] * 16))
     assert set(frame.status) == {expected}
     np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
-
-
-@both_sides
-def test_a_frame_comes_with_the_end_of_its_last_row(side: int) -> None:
-    text = text_of(make_zones(side))
-    end = text.rindex(b'|\n') + 2
-    reader = new_reader()
-    assert reader.feed(text[: end - 1]) == []
-    (frame,) = reader.feed(text[end - 1 : end])
-    check_zones(frame, make_zones(side))
-    assert reader.feed(text[end:]) == []
-    assert reader.counts == WireCounts(frames=1)
 
 
 def test_it_does_not_matter_where_a_stream_is_cut() -> None:
