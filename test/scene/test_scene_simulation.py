@@ -4,6 +4,8 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,33 +14,14 @@ from harness_scene import BITS, MARKER, NOISE, RANGING, ZONE, simulate, wall
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.place import Place
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Occlusion, Sensor, Surface, Wander
+from retrolidar_ros.scene.description import Sensor, Surface
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.truth import judge, true_position
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
-EVERYTHING = Scene(
-    seed=3,
-    sensor=Sensor(
-        period_error=-0.0036,
-        clock_error=0.01,
-        jitter_s=1e-3,
-        blur=0.05,
-        noise=NOISE,
-        ranging=RANGING,
-        target_threshold=3,
-        lost=0.05,
-        abnormal=0.02,
-    ),
-    markers=(
-        replace(MARKER, wander=Wander(0.1, 0.05, 5), occlusion=Occlusion(1.7, 0.06)),
-        replace(MARKER, id=77, position_m=(-0.3, 0.1, 2), gap_bits=3, packets=5),
-    ),
-    surfaces=(Surface(2.0, 8), Surface(1.2, 9, zones=(0, 5))),
-    ambient=4,
-)
+EVERYTHING = load_scene(str(Path(__file__).with_name('every_key.yaml')))
 
 
 def assert_same(one: Recording, other: Recording) -> None:
@@ -159,14 +142,21 @@ def test_abnormal_samples_have_their_share_and_mean_nothing() -> None:
 def test_frames_depend_on_the_seed_only() -> None:
     one = simulate(EVERYTHING, 300)
     assert_same(one, simulate(EVERYTHING, 300))
-    assert_same(one, Simulation(EVERYTHING, np.random.default_rng(3)).advance(300))
+    assert_same(one, Simulation(EVERYTHING, np.random.default_rng(EVERYTHING.seed)).advance(300))
     other = simulate(replace(EVERYTHING, seed=4), 300)
     assert len(other) != len(one) or not np.array_equal(other.signal, one.signal)
 
 
 @pytest.mark.parametrize('split', [1, 2, 37, 100, 101])
 def test_blocks_have_no_seam(split: int) -> None:
-    sensor = Sensor(period_error=-0.0036, clock_error=0.01, blur=0.05, target_threshold=20)
+    chance: dict[str, Any] = {
+        'jitter_s': 0.0,
+        'noise': None,
+        'ranging': None,
+        'lost': 0.0,
+        'abnormal': 0.0,
+    }
+    sensor = replace(EVERYTHING.sensor, target_threshold=20.0, **chance)
     scene = replace(EVERYTHING, sensor=sensor)
     whole = simulate(scene, 200)
     assert Status.NO_PREVIOUS_TARGET in whole.status
