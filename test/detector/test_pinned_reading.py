@@ -88,42 +88,40 @@ def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -
 OFTEN = Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04))
 GLASS = Stress('behind glass', glass=20.0)
 NAMED = {stress.name: stress for stress in (*STRESSES, OFTEN, GLASS)}
+BRIGHT = 150.0, 600.0
 STRESSED = [
     *(
         (f'{panel} {value}', PANEL[panel].stress(value), SIGNAL, 1.0, least)
-        for panel, value, least in (
-            ('lost_frames', 10, 29),
-            ('jitter', 1, 29),
-            ('slow', 1, 29),
-            ('fast', 1, 29),
-            ('abnormal', 20, 29),
-            ('no_target', 100, 29),
-            ('sway_slow', 20, 29),
-            ('far_wall', 0.4, 29),
-            ('hand', 42, 8),
-            ('hand', 84, 8),
-            ('hand', 210, 0),
-            ('hand', 300, 0),
+        for panel, values, least in (
+            ('lost_frames', (10,), 29),
+            ('jitter', (1,), 29),
+            ('slow', (1,), 29),
+            ('fast', (1,), 29),
+            ('abnormal', (20,), 29),
+            ('no_target', (100,), 29),
+            ('sway_slow', (20,), 29),
+            ('far_wall', (0.4,), 29),
+            ('hand', (42, 84), 8),
+            ('hand', (210, 300), 0),
         )
+        for value in values
     ),
     *(
-        (name, NAMED[name], signal, None, least)
-        for name, signal, least in (
+        (f'{name} at {signal:.0f}', NAMED[name], signal, None, least)
+        for name, signals, least in (
             # A lone packet with a hole may as well be another one.
-            ('occluded as drone', 150.0, 17),
-            ('occluded twice a packet', 150.0, 13),
-            ('hand for 250 ms', 150.0, 29),
-            ('behind glass', 150.0, 31),
+            ('occluded as drone', (150.0,), 17),
+            ('occluded twice a packet', (150.0,), 13),
+            ('hand for 250 ms', (150.0,), 29),
+            ('behind glass', (150.0,), 31),
             # All disturbances of its light grow with it, and none costs a bright one.
-            ('clipped at 70 %', 150.0, 29),
-            ('clipped at 70 %', 600.0, 29),
-            ('sways ±25 % in 0.9 s', 150.0, 29),
-            ('sways ±25 % in 0.9 s', 600.0, 29),
-            ('second marker 25%', 150.0, 31),
-            ('second marker 25%', 600.0, 29),
-            ('second marker 50%', 150.0, 31),
-            ('second marker 70%', 600.0, 29),
+            ('clipped at 70 %', BRIGHT, 29),
+            ('sways ±25 % in 0.9 s', BRIGHT, 29),
+            ('second marker 25%', BRIGHT, 31),
+            ('second marker 50%', (150.0,), 31),
+            ('second marker 70%', (600.0,), 29),
         )
+        for signal in signals
     ),
 ]
 

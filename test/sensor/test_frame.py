@@ -9,6 +9,7 @@ import pytest
 from harness_frames import make_frames
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.frame_rate import missing_frames, stamps_stand
@@ -139,13 +140,10 @@ def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:
 EXACT = 1e-12
 
 
-def unit(values: tuple[float, ...]) -> Floats:
-    quaternion: Floats = np.array(values) / np.linalg.norm(values)
-    return quaternion
-
-
 quaternions = (
-    st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: bool(np.linalg.norm(q) > 0.01)).map(unit)
+    hnp.arrays(np.float64, 4, elements=st.floats(-1, 1))
+    .filter(lambda values: bool(np.linalg.norm(values) > 0.01))
+    .map(lambda values: values / np.linalg.norm(values))
 )
 
 

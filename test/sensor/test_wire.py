@@ -179,21 +179,12 @@ def test_frames_that_the_wire_cannot_hold(changes: dict[str, Any], message: str)
         encode_frame(make_frame(**changes))
 
 
-def counted(counts: WireCounts) -> int:
-    return counts.frames + counts.unknown_kind + counts.damaged
-
-
 def ended_packets(stream: bytes) -> list[bytes]:
     """Return what stands before each delimiter, where that is not nothing."""
     return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
 
 
 NUMBERS = {one[:-1]: n for side in (4, 8) for n, one in enumerate(make_packets(4, side))}
-
-
-def whole(stream: bytes) -> list[int]:
-    """Return the sequences of the packets of `NUMBERS` that stand whole in a stream."""
-    return [NUMBERS[packet] for packet in ended_packets(stream) if packet in NUMBERS]
 
 
 def garbage() -> st.SearchStrategy[bytes]:
@@ -217,12 +208,14 @@ def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataOb
     found: list[int] = []
     for start, end in itertools.pairwise([0, *cuts, len(stream)]):
         found += sequences(reader.feed(stream[start:end]))
-        assert found == whole(stream[:end])
+        assert found == [NUMBERS[one] for one in ended_packets(stream[:end]) if one in NUMBERS]
     pending = stream.rpartition(DELIMITER)[2]
     overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
-    assert counted(reader.counts) == len(ended_packets(stream)) + overlong
-    assert reader.counts.frames == len(found)
-    assert reader.counts == read(stream)[1]
+    counts = reader.counts
+    counted = counts.frames + counts.unknown_kind + counts.damaged
+    assert counted == len(ended_packets(stream)) + overlong
+    assert counts.frames == len(found)
+    assert counts == read(stream)[1]
 
 
 def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
