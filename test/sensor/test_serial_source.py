@@ -4,6 +4,7 @@
 
 import errno
 import os
+import re
 import stat
 import termios
 import time
@@ -144,26 +145,6 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read:
     assert explain(caught.value, 'p') == 'p is in use by another program'
 
 
-@pytest.mark.usefixtures('soon')
-def test_a_missing_permission(link: Path, read: Read, monkeypatch: Patch) -> None:
-    real = os.open
-
-    def refusing(path: Any, flags: int, *arguments: Any, **options: Any) -> int:
-        if str(path) == str(link):
-            raise PermissionError(errno.EACCES, 'Permission denied', str(path))
-        return real(path, flags, *arguments, **options)
-
-    with PortLink(link):
-        monkeypatch.setattr(os, 'open', refusing)
-        reading = read()
-        expected = f'it belongs to the group {link.group()}: sudo usermod -aG {link.group()} $USER'
-        assert reading.report() == (
-            f'no permission to open {link}; {expected}, and log in again; retrying'
-        )
-        monkeypatch.undo()
-        assert reading.report() == f'reading {link}'
-
-
 @pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR])
 def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: int) -> None:
     if kind == stat.S_IFDIR:
@@ -177,31 +158,35 @@ def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: in
     assert reading.frames.empty()
 
 
+REMEDY = 'it belongs to the group {0}: sudo usermod -aG {0} $USER, and log in again'
+
+
 @pytest.mark.usefixtures('soon')
 @pytest.mark.parametrize(
-    'error',
+    ('owner', 'call', 'error', 'said'),
     [
-        ValueError('Failed to set custom baud rate (115200): [Errno 22] Invalid argument'),
-        termios.error(errno.EIO, 'Input/output error'),  # gone while it was being opened
-        serial.SerialException('Could not configure port: (5, ...)'),
+        (os, 'open', PermissionError(errno.EACCES, 'x'), f'no permission to open {{1}}; {REMEDY}'),
+        (serial, 'Serial', ValueError('Failed to set custom baud rate'), '{1}: Failed to set'),
+        # Gone while it was being opened.
+        (serial, 'Serial', termios.error(errno.EIO, 'Input/output error'), '{1}: .*output error'),
+        (serial, 'Serial', serial.SerialException('Could not: (5, ...)'), r'{1}: Could not: \(5'),
     ],
 )
-def test_what_pyserial_raises_is_a_reason_to_try_again(
-    link: Path, read: Read, monkeypatch: Patch, error: Exception
+def test_what_is_raised_is_said_and_a_reason_to_try_again(
+    link: Path, read: Read, monkeypatch: Patch, owner: Any, call: str, error: Exception, said: str
 ) -> None:
-    real, errors = serial.Serial, [error]
+    real, errors = getattr(owner, call), [error]
 
-    def failing(*arguments: Any, **options: Any) -> serial.Serial:
-        if errors:
+    def failing(path: Any, *arguments: Any, **options: Any) -> Any:
+        if errors and str(path) == str(link):
             raise errors.pop()
-        return real(*arguments, **options)
+        return real(path, *arguments, **options)
 
-    monkeypatch.setattr(serial, 'Serial', failing)
     with PortLink(link):
+        monkeypatch.setattr(owner, call, failing)
         reading = read()
-        report = reading.report()
-        assert report.startswith(f'{link}: ')
-        assert str(error.args[-1]) in report
+        wanted = said.replace('$', r'\$').format(link.group(), link)
+        assert re.fullmatch(f'{wanted}.*; retrying', reading.report())
         assert reading.report() == f'reading {link}'
 
 
