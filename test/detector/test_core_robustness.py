@@ -94,6 +94,7 @@ def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_one_core(tmp_path: Path) -> None:
+    pytest.importorskip('cffi')
     need('cc')
     other, made = tmp_path / 'core', tmp_path / '_core.so'
     shutil.copytree(SOURCES.parent, other)

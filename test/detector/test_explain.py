@@ -255,39 +255,26 @@ def test_an_unknown_code_is_missed_only_where_it_may_come() -> None:
     assert not any(said_of(strange, registered_ids=[7]))
 
 
-def test_gaps_repeats_and_steps_back_are_counted() -> None:
+def test_gaps_repeats_steps_back_and_what_was_not_sent_are_counted() -> None:
     frames = frames_of(seconds=2.0)
-    monitor = FrameMonitor(frames[0].grid)
-    taken = [frames[0], frames[1], frames[1], frames[5], frames[2], frames[3]]
+    monitor, of_sender = FrameMonitor(SENSOR.grid), FrameMonitor(SENSOR.grid)
+    taken = [frames[index] for index in (0, 1, 1, 5, 2, 3)]
     assert [monitor.take(frame) for frame in taken] == [True, True, False, True, True, True]
-    assert (monitor.frames, monitor.lost) == (6, 3)
-    assert (monitor.repeated, monitor.reversed) == (1, 1)
-
-
-def test_what_was_not_sent_is_not_lost_on_the_way() -> None:
-    frames = frames_of(seconds=2.0)
-    monitor = FrameMonitor(frames[0].grid)
+    assert (monitor.frames, monitor.lost, monitor.repeated, monitor.reversed) == (6, 3, 1, 1)
     for index, max_lost in ((0, 5), (1, 0), (5, 0), (9, 1), (10, 7)):
-        monitor.take(frames[index], max_lost)
-    assert (monitor.lost, monitor.unsent) == (1, 5)
+        of_sender.take(frames[index], max_lost)
+    assert (of_sender.lost, of_sender.unsent) == (1, 5)
 
 
 def test_the_rate_is_found_from_what_came_however_much_is_lost() -> None:
-    frames = list(seen(seconds=8.0, jitter_s=0.0))
-    kept = np.random.default_rng(3).random(len(frames)) < 0.4
-    monitor = FrameMonitor(frames[0].grid)
-    for frame, is_kept in zip(frames, kept, strict=True):
-        if is_kept:
+    kept = np.random.default_rng(3).random(381) < 0.4
+    monitor, late = FrameMonitor(SENSOR.grid), FrameMonitor(SENSOR.grid)
+    for number, frame in enumerate(seen(seconds=8.0, jitter_s=0.0)):
+        if kept[number]:
             monitor.take(frame)
+        late.take(replace(frame, stamp_ns=10**9 + number))
     assert monitor.rate(0.042) is None
     assert monitor.rate(0.021) is None
     assert 'a frame comes every 2' in str(monitor.rate(0.015))
     assert '14.3 frames, and not one to eight' in str(monitor.rate(0.3))
-
-
-def test_frames_that_come_late_all_at_once_are_not_too_fast() -> None:
-    frames = frames_of(seconds=2.0)
-    monitor = FrameMonitor(frames[0].grid)
-    for number, frame in enumerate(frames):
-        monitor.take(replace(frame, stamp_ns=10**9 + number))
-    assert monitor.rate(0.042) is None
+    assert late.rate(0.042) is None  # they came all at once
