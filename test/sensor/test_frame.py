@@ -112,9 +112,6 @@ def test_samples_are_valid_if_their_status_is_and_they_are_possible(
     assert (valid.tolist(), impossible) == ([is_valid], is_impossible)
 
 
-LAW = NoiseLaw()
-
-
 @pytest.mark.parametrize(
     ('floor', 'slope'), [(0.0, 0.2), (-1.0, 0.2), (1.0, -0.1), (np.nan, 0.2), (1.0, np.nan)]
 )
@@ -124,9 +121,11 @@ def test_a_law_that_allows_no_noise_is_refused(floor: float, slope: float) -> No
 
 
 def test_ambient_light_raises_the_floor() -> None:
-    assert LAW.lit(10.0).variance(np.array(0.0)) == pytest.approx(LAW.floor + 10 * LAW.ambient)
-    assert LAW.lit(10.0).slope == LAW.slope
-    assert LAW.lit([3.0, np.nan, np.inf, -5.0]).floor == LAW.floor + 0.75 * LAW.ambient
+    law = NoiseLaw()
+    lit = law.lit(10.0)
+    assert lit.variance(np.array(0.0)) == pytest.approx(law.floor + 10 * law.ambient)
+    assert lit.slope == law.slope
+    assert law.lit([3.0, np.nan, np.inf, -5.0]).floor == law.floor + 0.75 * law.ambient
 
 
 def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:

@@ -118,15 +118,20 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
     assert reading.source.openings == 2
 
 
-def test_a_port_that_is_lost_just_before_the_end_is_not_reported(link: Path) -> None:
+def test_a_source_in_the_background_ends_with_its_block_and_reports_no_loss_then(
+    link: Path,
+) -> None:
     reports: Queue[str] = Queue()
-    port = PortLink(link)
+    port, before = PortLink(link), active_count()
     source = SerialSource(str(link), 115200, FrameReader())
-    with in_background(source, reports.put):
+    with in_background(source, reports.put) as take_until:
+        assert active_count() == before + 1
+        assert take_until(time.monotonic()) is None
         assert reports.get(timeout=10) == f'reading {link}'
         port.close()
         while source.is_open:
             time.sleep(0.001)
+    assert active_count() == before
     assert 'was lost' in source.problem
     assert reports.empty()
 
@@ -218,14 +223,6 @@ def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: b
         assert reading.end() < 1
         assert not reading.source.is_open
         serial.Serial(str(link), exclusive=True).close()  # and the port is free again
-
-
-def test_a_source_in_the_background_has_ended_when_its_block_does(link: Path) -> None:
-    before = active_count()
-    with in_background(SerialSource(str(link), 115200, FrameReader())) as take_until:
-        assert active_count() == before + 1
-        assert take_until(time.monotonic()) is None
-    assert active_count() == before
 
 
 def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patch) -> None:
