@@ -63,11 +63,6 @@ def test_an_installation_finds_its_share(tmp_path: Path, packages: str, monkeypa
 SHIPPED = sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / 'some.yaml'
-
-
 @pytest.mark.parametrize('name', SHIPPED)
 def test_shipped_scene_loads_and_shows_its_markers(name: str) -> None:
     scene = load_scene(name)
@@ -106,7 +101,8 @@ def test_a_missing_scene_lists_those_that_ship(name: str) -> None:
         load_scene(name)
 
 
-def test_a_scene_error_names_file_and_key(file: Path) -> None:
+def test_a_scene_error_names_file_and_key(tmp_path: Path) -> None:
+    file = tmp_path / 'some.yaml'
     for text, complaint in (
         ('', 'the file: needs keys with values, not None'),
         ('sensor: {period: 21}', 'sensor.period: 21 has no unit; write 21 s'),
