@@ -32,7 +32,7 @@ from typing import NamedTuple
 from evaluation.bench.core_parts import PARTS
 
 ROOT = Path(__file__).resolve().parents[1]
-DECISION_TESTS = 'test/detector/test_{oracle,rivals,decision_parts}.py'
+DECISION_TESTS = 'test/detector/test_{oracle,decision_parts}.py'
 CORE_TESTS = (
     'test/detector/test_pinned_reading.py',
     'test/detector test/firmware test/marker test/sensor',
@@ -42,35 +42,20 @@ FOLDERS: dict[str, tuple[str, ...]] = {
     'parts': ('core/src', DECISION_TESTS, *CORE_TESTS),
     'detector': (
         'retrolidar_ros/detector',
-        'test/detector/test_{detector,decoding,explain,frame_monitor,paper_method,place}.py',
+        'test/detector/test_{detector,decoding,explain,paper_method,place}.py',
         'test/cli/test_{calibrate,watch_state}.py',
         'test/detector/test_{tracks,core_parts,invariance,pinned_reading}.py',
     ),
-    **{
-        name: (f'retrolidar_ros/{name}', tests)
-        for name, tests in {
-            'sensor': 'test/sensor test/firmware',
-            'marker': 'test/marker test/scene',
-            'scene': 'test/scene',
-            'bag': 'test/bag',
-            'tasks': 'test/tasks',
-            'settings': 'test/settings test/scene',
-        }.items()
-    },
+    'sensor': ('retrolidar_ros/sensor', 'test/sensor test/firmware'),
+    'marker': ('retrolidar_ros/marker', 'test/marker test/scene'),
+    'scene': ('retrolidar_ros/scene', 'test/scene'),
+    'bag': ('retrolidar_ros/bag', 'test/bag'),
+    'tasks': ('retrolidar_ros/tasks', 'test/tasks'),
+    'settings': ('retrolidar_ros/settings', 'test/settings test/scene'),
 }
 """What is changed, by a name, and runs of tests that are to notice; most telling ones first."""
-TURNED = {
-    '<': '>=',
-    '<=': '>',
-    '>': '<=',
-    '>=': '<',
-    '==': '!=',
-    '!=': '==',
-    '&&': '||',
-    '||': '&&',
-    'and': 'or',
-    'or': 'and',
-}
+OPPOSITES = (('<', '>='), ('<=', '>'), ('==', '!='), ('&&', '||'), ('and', 'or'))
+TURNED = dict(OPPOSITES) | {second: first for first, second in OPPOSITES}
 OPERATOR = re.compile(r' (<=|>=|==|!=|<|>|&&|\|\|) ')
 CALL = re.compile(r'^\s+(?!return|raise|yield|assert|del)[\w.>-]+\(.*\);?$')
 COMMENT = re.compile(r'/\*.*?\*/', re.DOTALL)
@@ -104,6 +89,16 @@ def operators(path: Path) -> Iterator[tuple[int, int, str]]:
         yield from ((number, found.start(1), found[1]) for found in OPERATOR.finditer(line))
 
 
+def changes_of(path: Path) -> Iterator[tuple[int, int, str, str]]:
+    """Yield line and column of every change of a source, what goes, and what stands there then."""
+    for number, column, old in operators(path):
+        yield number, column, old, TURNED[old]
+    for number, line in enumerate(path.read_text().splitlines()):
+        if CALL.match(line):
+            column = len(line) - len(line.lstrip())
+            yield number, column, line.strip(), ';' if path.suffix == '.c' else 'pass'
+
+
 def mutants_of(folder: str) -> Iterator[Mutant]:
     """Yield all changes of the sources of a folder."""
     if folder == 'parts':
@@ -117,17 +112,10 @@ def mutants_of(folder: str) -> Iterator[Mutant]:
             continue
         lines = path.read_text().splitlines(keepends=True)
         starts = [0, *itertools.accumulate(map(len, lines))]
-        file = path.relative_to(ROOT)
-        for number, column, old in operators(path):
+        for number, column, old, new in changes_of(path):
             begin = starts[number] + column
-            name = f'{number + 1}: {old} becomes {TURNED[old]}: {lines[number].strip()}'
-            yield Mutant(folder, file, begin, begin + len(old), TURNED[old], name)
-        nothing = ';' if path.suffix == '.c' else 'pass'
-        for number, line in enumerate(lines):
-            if CALL.match(line):
-                begin, end = starts[number] + len(line) - len(line.lstrip()), starts[number + 1] - 1
-                name = f'{number + 1}: without {line.strip()}'
-                yield Mutant(folder, file, begin, end, nothing, name)
+            name = f'{number + 1}: {old} becomes {new}: {lines[number].strip()}'
+            yield Mutant(folder, path.relative_to(ROOT), begin, begin + len(old), new, name)
 
 
 class Copy:

@@ -241,10 +241,3 @@ def part_margin(
         for rival, part, later in itertools.product(rivals, range(1, PARTS), (False, True))
     )
     return ABSENCE + log_likelihood(zones, sending) - likelihood
-
-
-def without(
-    sending: Sending, begin_s: Floats, end_s: Floats, signal: Floats, gain: float
-) -> Floats:
-    """Return signals as if a marker of that gain had been bright all the time."""
-    return signal - gain * (light(sending, begin_s, end_s) - 1.0)

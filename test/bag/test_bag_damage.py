@@ -6,6 +6,7 @@ import os
 import random
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -62,13 +63,18 @@ def test_files_are_read_to_where_they_are_cut_or_filled_with_zeros(
         assert assert_good_until(cut, frames, says) == len(frames)
 
 
+def execute(file: Path, *statements: str) -> list[Any]:
+    """Change a database; return the rows of the last statement."""
+    with closing(sqlite3.connect(file)) as connection:
+        rows = [connection.execute(statement).fetchall() for statement in statements]
+        connection.commit()
+    return rows[-1]
+
+
 def test_a_database_is_read_without_its_index(tmp_path: Path) -> None:
     frames = make_frames(400)
     file = write_bag(tmp_path / 'bag', frames, 'sqlite3')
-    connection = sqlite3.connect(file)
-    query = "SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'"
-    ((root,),) = connection.execute(query)
-    connection.close()
+    ((root,),) = execute(file, "SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'")
     data = bytearray(file.read_bytes())
     data[4096 * (root - 1) : 4096 * root] = bytes(4096)
     file.write_bytes(data)
@@ -94,13 +100,8 @@ def test_truncated_compression(tmp_path: Path, storage: Storage, compression: st
 def test_a_lost_end_is_reported_though_no_frame_was_in_it(tmp_path: Path, page: int) -> None:
     frames = make_frames(20)
     file = write_bag(tmp_path / 'bag', frames, 'sqlite3')
-    connection = sqlite3.connect(file)
-    connection.execute(f'PRAGMA page_size = {page}')
-    connection.execute('VACUUM')
-    connection.execute('CREATE TABLE appendix (content)')
-    connection.execute('INSERT INTO appendix VALUES (?)', (bytes(200_000),))
-    connection.commit()
-    connection.close()
+    appendix = 'CREATE TABLE appendix AS SELECT zeroblob(200000)'
+    execute(file, f'PRAGMA page_size = {page}', 'VACUUM', appendix)
     data = file.read_bytes()
     file.write_bytes(data[:-page])
     says = f'ends at byte {len(data) - page} of {len(data)}'

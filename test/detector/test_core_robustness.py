@@ -1,12 +1,16 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever the core is given: no fault, no memory taken, no state but its own; on any processor."""
+"""Whatever the core is given: no fault, no memory taken; on any processor, for any sensor."""
 
 import importlib
+import json
 import re
+import shutil
 import sys
+import sysconfig
 from pathlib import Path
 
+import numpy as np
 import pytest
 from harness_core import PROGRAMS, ROOT, SOURCES, compile_core
 from harness_firmware import need, printed, run
@@ -41,46 +45,35 @@ def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) 
     assert read > 5
 
 
-def test_memory_is_taken_at_creation_only(tmp_path_factory: pytest.TempPathFactory) -> None:
-    need('objdump')
-    listed = printed('objdump', '-r', compile_core('plain.a', tmp_path_factory))
+def test_memory_is_taken_at_creation_only_and_no_state_is_kept(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    need('objdump', 'nm')
+    archive = compile_core('plain.a', tmp_path_factory)
     takers = {
         heading
-        for heading, symbols in re.findall(r'FOR \[\.(\S+)\]:\n(.*?)\n\n', listed, re.S)
+        for heading, symbols in re.findall(
+            r'FOR \[\.(\S+)\]:\n(.*?)\n\n', printed('objdump', '-r', archive), re.S
+        )
         if re.search(r'\b(\w*alloc|free|strn?dup)\b', symbols)
     }
     objects = ('detector', 'tracks')
     assert takers == {f'text.rl_{one}_{end}' for one in objects for end in ('create', 'destroy')}
-
-
-def test_the_core_has_no_state_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> None:
-    need('nm')
-    symbols = printed('nm', compile_core('plain.a', tmp_path_factory))
+    symbols = printed('nm', archive)
     assert symbols.count('.o:\n') == len(list(SOURCES.glob('*.c')))
     assert re.findall(r'^\S* [bBcCdDsSgG] .*$', symbols, re.M) == []
-
-
-def has_library(compiler: str) -> bool:
-    """Tell whether a compiler comes with the headers of a C library."""
-    headers = '#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n'
-    return run(compiler, '-E', '-xc', '-', given=headers).returncode == 0
 
 
 @pytest.mark.parametrize('processor', PROCESSORS)
 def test_the_core_compiles_without_a_warning(processor: str, tmp_path: Path) -> None:
     compiler, options = PROCESSORS[processor]
     need(compiler)
-    if not has_library(compiler):
+    headers = '#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n'
+    if run(compiler, '-E', '-xc', '-', given=headers).returncode:
         pytest.skip(f'needs a C library for {compiler}')
     for source in SOURCES.glob('*.c'):
         made = ('-c', source, '-o', tmp_path / 'one.o')
         printed(compiler, *STRICT, '-O2', *options, f'-I{SOURCES}', *made)
-
-
-def test_arguments_that_the_types_do_not_hold_are_refused() -> None:
-    assert core.lib.rl_packet(2073) >> core.lib.RL_WORD_BITS == core.lib.RL_PREAMBLE
-    with pytest.raises(OverflowError):
-        core.lib.rl_packet(2**16)
 
 
 def test_a_missing_core_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,3 +91,31 @@ def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
     ended = run(sys.executable, 'setup.py', *build, CC='/nonexistent')
     assert ended.returncode == 1
     assert ended.stderr.splitlines()[-1].startswith(b'error: retrolidar_ros needs a C compiler')
+
+
+def test_8x8_zones_at_15_hz_and_a_packet_of_27_bits_are_read_by_one_core(tmp_path: Path) -> None:
+    pytest.importorskip('cffi')
+    need('cc')
+    other, made = tmp_path / 'core', tmp_path / '_core.so'
+    shutil.copytree(SOURCES.parent, other)
+    shutil.copy(PROGRAMS / 'other_packet.h', other / 'src' / 'retrolidar_packet_format.h')
+    printed(sys.executable, other / 'binding.py', tmp_path / '_core.c')
+    include = (f'-I{other / "src"}', f'-I{sysconfig.get_paths()["include"]}')
+    sources = (tmp_path / '_core.c', *(other / 'src').glob('*.c'))
+    printed('cc', '-std=c99', '-shared', '-fPIC', '-O1', *include, *sources, '-lm', '-o', made)
+    said = printed(sys.executable, PROGRAMS / 'other_packet.py', made)
+    found, by_another_model = said.splitlines()
+    detections = json.loads(found)
+    # ID, zone and start of the three that are sent once.
+    assert {(one[0], one[3], round(one[2], 1)) for one in detections if one[0] != 500} == {
+        (100, 9, 5.0),
+        (311, 27, 6.4),
+        (7, 62, 7.7),
+    }
+    # The fourth repeats.
+    packets = [(one[2] - 3.0) / (27 * 0.133) for one in detections if one[0] == 500]
+    assert len(packets) >= 3
+    assert packets == pytest.approx(np.rint(packets), abs=0.01)
+    assert [one[1] for one in detections] == pytest.approx([1.2] * len(detections), abs=5e-3)
+    # Its statuses mean nothing to a detector that expects a VL53L8CX.
+    assert json.loads(by_another_model) == []

@@ -141,12 +141,14 @@ def judged(core: Statistics, seen: Floats, number: int, *, packets: int = 1) -> 
 MIDDLE_S = np.arange(PERIOD_S / 2, START_S + 2.2 * PACKET_S, PERIOD_S)
 
 
-def shown(number: int, first_bit: int = 0, flipped: int | None = None) -> Floats:
-    """Return the light of a lone packet that begins some bits after `START_S`."""
+def shown(
+    number: int, first_bit: int = 0, *, flipped: int | None = None, repeats: bool = False
+) -> Floats:
+    """Return the light of a packet that begins some bits after `START_S`, a bit of it turned."""
     bits = packet(number).astype(np.float64)
     if flipped is not None:
         bits[flipped] = 1 - bits[flipped]
-    sending = Sending(bits, False, START_S + first_bit * BIT_PERIOD_S, BIT_PERIOD_S)
+    sending = Sending(bits, repeats, START_S + first_bit * BIT_PERIOD_S, BIT_PERIOD_S)
     return light(sending, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
 
 
@@ -170,16 +172,8 @@ def test_a_packet_of_a_marker_that_leaves_is_a_word(core: Statistics) -> None:
     assert verdict.margin > 0
 
 
-def repeated(number: int, flipped: int) -> Floats:
-    """Return the light of a packet that is sent on and on, with a bit turned in all."""
-    bits = packet(number).astype(np.float64)
-    bits[flipped] = 1 - bits[flipped]
-    sending = Sending(bits, True, START_S, BIT_PERIOD_S)
-    return light(sending, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
-
-
 def test_packets_that_are_combined_are_of_the_same_bits(core: Statistics) -> None:
     # IDs that differ in these bits share the mean of their packets.
-    first, second = repeated(2073, 12), repeated(2073, 20)
+    first, second = (shown(2073, flipped=bit, repeats=True) for bit in (12, 20))
     changed = np.where(MIDDLE_S < START_S + PACKET_S, first, second)
     assert judged(core, changed, 2073, packets=2).word > 6 * WORD_NATS

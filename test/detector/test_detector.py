@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from itertools import cycle, islice
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,6 @@ from harness_detector import (
     run,
     simulate,
 )
-from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
@@ -83,30 +83,28 @@ def test_a_marker_that_never_pauses_is_read_packet_by_packet(method: str) -> Non
 
 @every_method
 def test_frames_of_another_grid_are_refused(method: str) -> None:
-    detector, frames = create_detector(method, ZoneGrid(8, 8)), simulate(a_scene(), 0.1)
-    with pytest.raises(ValueError, match='4x4 zones came to a detector for 8x8'):
-        run(frames, detector)
-    with pytest.raises(ValueError, match='4x4 zones came to a detector for 8x8'):
-        detector.update_all(frames)
+    detector = create_detector(method, ZoneGrid(8, 8))
+    for take in (detector.update_all, lambda frames: run(frames, detector)):
+        with pytest.raises(ValueError, match='4x4 zones came to a detector for 8x8'):
+            take(lone())
 
 
-def samples(which: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return some samples, those of the strongest zone, all, or all for a while."""
-    hit = np.random.default_rng(4).random(shape) < 0.3
-    if which != 'some':
-        hit[:] = which == 'all'
-        hit[60:80] |= which == 'for a while'
-        hit[:, ZONE] |= which == 'strongest'
-    return hit
+ROWS, ZONES = np.indices((len(repeating(5.0)), GRID.zones))
+SAMPLES = {
+    'some': np.random.default_rng(4).random(ROWS.shape) < 0.3,
+    'strongest': ZONES == ZONE,
+    'all': ZONES >= 0,
+    'for a while': (ROWS >= 60) & (ROWS < 80),
+}
 
 
 @pytest.mark.filterwarnings('error')
 @every_method
 @pytest.mark.parametrize('field', ['distance', 'signal', 'ambient'])
-@pytest.mark.parametrize('which', ['for a while', 'strongest', 'some', 'all'])
+@pytest.mark.parametrize('which', SAMPLES)
 def test_impossible_values_are_erasures_without_place(method: str, field: str, which: str) -> None:
     recording = repeating(5.0)
-    hit = samples(which, recording.signal.shape)
+    hit = SAMPLES[which]
     for value in (*IMPOSSIBLE[field], *STRANGE[field]):
         values = np.where(hit, np.float32(value), getattr(recording, field))
         spoilt = replace(recording, **{field: values})  # type: ignore[arg-type]
@@ -141,23 +139,19 @@ def test_noise_of_all_bits_ends_nothing(method: str) -> None:
 
 
 @every_method
-def test_frames_of_one_stamp_count_once(method: str) -> None:
+def test_frames_of_one_stamp_and_blind_zones_do_no_harm(method: str) -> None:
     stuck = replace(lone(), stamp_ns=np.full_like(lone().stamp_ns, lone().stamp_ns[0]))
     twice = Recording.of([frame for frame in lone() for _ in range(2)])
-    for recording, expected in ((stuck, []), (twice, [ID])):
+    cases = [(stuck, []), (twice, [ID])]
+    for blind, expected in ((np.arange(GRID.zones) != ZONE, [ID]), (np.full(GRID.zones, True), [])):
+        dark: dict[str, Any] = {
+            name: np.where(blind, value, getattr(lone(), name)).astype(getattr(lone(), name).dtype)
+            for name, value in (('signal', 0), ('distance', np.nan), ('status', Status.NO_TARGET))
+        }
+        cases.append((replace(lone(), **dark), expected))
+    for recording, expected in cases:
         assert ids(run(recording, method)) == expected
         assert ids(create_detector(method, GRID).update_all(recording)) == expected
-
-
-@every_method
-def test_zones_that_never_see_anything_do_no_harm(method: str) -> None:
-    for blind, expected in ((np.arange(GRID.zones) != ZONE, [ID]), (slice(None), [])):
-        signal, distance = lone().signal.copy(), lone().distance.copy()
-        status = lone().status.copy()
-        signal[:, blind], distance[:, blind], status[:, blind] = 0, np.nan, Status.NO_TARGET
-        partly = replace(lone(), signal=signal, distance=distance, status=status)
-        assert ids(run(partly, method)) == expected
-        assert ids(create_detector(method, GRID).update_all(partly)) == expected
 
 
 @pytest.mark.parametrize(

@@ -1,55 +1,47 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The core's statistics against the oracle in numpy, on random windows."""
+"""The core against the oracle in numpy: random windows, and what competes with a packet."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from harness_core import GRID, LAW, NATS, PERIOD_S, Statistics, around, assert_agrees
 from harness_frames import recording_of
-from numpy.typing import NDArray
-from oracle import Sending, evidence, light, margin, word
+from oracle import Sending, Zone, evidence, light, margin, part_margin, sequence_margin, word
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.model import Status
 
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 SILENCE_S = 1.0  # before the first packet in question
 
 
-class Sent(NamedTuple):
-    """A recording, and what was sent in each of its zones."""
-
-    recording: Recording
-    sendings: list[Sending]
-
-
-def stamps_ns(rng: np.random.Generator, lasting_s: float) -> NDArray[np.int64]:
-    """Return stamps that jitter, of which some are lost."""
-    middle_s = np.arange(PERIOD_S / 2, lasting_s, PERIOD_S)
-    middle_s += np.clip(rng.standard_normal(len(middle_s)), -2, 2) * rng.uniform(0, 0.004)
-    kept = rng.random(len(middle_s)) >= rng.choice([0.0, 0.1, 0.3])
-    stamps: NDArray[np.int64] = np.rint(middle_s[kept] * 1e9).astype(np.int64)
-    return stamps
-
-
-def random_frames(rng: np.random.Generator, packets: int, *, repeats: bool | None = None) -> Sent:
-    """Return markers of all kinds, on levels that wander, with samples that are missing.
+def random_markers(
+    core: Statistics,
+    rng: np.random.Generator,
+    packets: int,
+    *,
+    repeats: bool | None = None,
+    samples: int | None = None,
+) -> list[Sending]:
+    """Show markers of all kinds to the core, on levels that wander, with samples that are missing.
 
     Parameters
     ----------
-    rng : numpy.random.Generator
     packets : int
-        How long the recording is after a silence.
+        How long they are seen after a silence.
     repeats : bool, optional
         Whether markers send more than one; some do if it is not given.
+    samples : int, optional
+        After so many, all are missing.
     """
-    lasting_s = SILENCE_S + (packets + 1) * PACKET_S
-    stamp_ns = stamps_ns(rng, lasting_s)
+    middle_s = np.arange(PERIOD_S / 2, SILENCE_S + (packets + 1) * PACKET_S, PERIOD_S)
+    middle_s += np.clip(rng.standard_normal(len(middle_s)), -2, 2) * rng.uniform(0, 0.004)
+    kept = rng.random(len(middle_s)) >= rng.choice([0.0, 0.1, 0.3])
+    stamp_ns = np.rint(middle_s[kept] * 1e9).astype(np.int64)
     middle_s = stamp_ns * 1e-9
     shape = (len(stamp_ns), GRID.zones)
     sendings: list[Sending] = []
@@ -74,16 +66,22 @@ def random_frames(rng: np.random.Generator, packets: int, *, repeats: bool | Non
     recording = recording_of(stamp_ns, np.maximum(signal, 0))
     missing = rng.random(shape) < rng.choice([0.0, 0.05, 0.3], GRID.zones)
     recording.status[missing] = rng.choice([0, 4, Status.NO_TARGET], np.count_nonzero(missing))
-    return Sent(recording, sendings)
+    if samples is not None:
+        recording.status[samples:] = 0
+    core.take(recording, LAW, BIT_PERIOD_S)
+    return sendings
+
+
+def id_of(sending: Sending) -> int:
+    return int(USABLE_IDS[(packet(USABLE_IDS) == sending.bits).all(axis=1)][0])
 
 
 @pytest.mark.parametrize(('seed', 'packets'), enumerate([1] * 6 + [2, 5]))
 def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int) -> None:
     rng = np.random.default_rng(seed)
-    sent = random_frames(rng, packets)
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    sendings = random_markers(core, rng, packets)
     for zone in rng.choice(GRID.zones, 6 if packets == 1 else 2, replace=False):
-        sending = sent.sendings[zone]
+        sending = sendings[zone]
         from_s = sending.start_s - rng.uniform(0, 16) * BIT_PERIOD_S
         to_s = sending.start_s + packets * PACKET_S + rng.uniform(-5, 5) * BIT_PERIOD_S
         null, rows = core.open(from_s, to_s, zone)
@@ -92,22 +90,19 @@ def test_likelihoods_of_random_windows(core: Statistics, seed: int, packets: int
 
 def test_likelihoods_of_sums_of_zones(core: Statistics) -> None:
     rng = np.random.default_rng(10)
-    sent = random_frames(rng, 1)
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    sendings = random_markers(core, rng, 1)
     for source, zones in ((17, 4), (25, 9), (29, 16)):  # squares, up to the whole view
         null, rows = core.open(SILENCE_S - 0.4, SILENCE_S + PACKET_S, source)
         held = core.rows(source).zone(replace(LAW, floor=LAW.floor * zones), rows)
-        assert_agrees(core, held, null, around(sent.sendings[0], rng))
+        assert_agrees(core, held, null, around(sendings[0], rng))
 
 
 @pytest.mark.parametrize('samples', [0, 1, 2, 3])
 def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> None:
     rng = np.random.default_rng(samples)
-    sent = random_frames(rng, 1)
-    sent.recording.status[samples:] = 0
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    sendings = random_markers(core, rng, 1, samples=samples)
     null, rows = core.open(0.0, SILENCE_S + PACKET_S, 0)
-    sending = sent.sendings[0]._replace(start_s=0.0)
+    sending = sendings[0]._replace(start_s=0.0)
     if samples:
         assert_agrees(core, core.rows(0).zone(LAW, rows), null, [sending])
     else:
@@ -118,20 +113,18 @@ def test_likelihoods_of_next_to_no_samples(core: Statistics, samples: int) -> No
 def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) -> None:
     core.start_codebook()
     rng = np.random.default_rng(20)
-    sent = random_frames(rng, packets, repeats=repeats)
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
+    sendings = random_markers(core, rng, packets, repeats=repeats)
     judged = 0
     for zone in range(0, GRID.zones, 2):
         # A search finds clocks in steps.
-        sending, off = sent.sendings[zone], rng.uniform(-0.01, 0.01)
+        sending, off = sendings[zone], rng.uniform(-0.01, 0.01)
         sending = sending._replace(
             start_s=sending.start_s - off * packets * PACKET_S / 2, bit_s=sending.bit_s * (1 + off)
         )
         others = rng.choice(USABLE_IDS, 3, replace=False)
         rivals = [sending._replace(bits=packet(other).astype(np.float64)) for other in others]
-        own = int(USABLE_IDS[(packet(USABLE_IDS) == sending.bits).all(axis=1)][0])
         to_s = sending.start_s + packets * PACKET_BITS * sending.bit_s + 0.02
-        hits = [(own, sending), *zip(others, rivals, strict=True)]
+        hits = [(id_of(sending), sending), *zip(others, rivals, strict=True)]
         verdict = core.decide(zone, packets, to_s, hits)
         if verdict.reason != core.lib.RL_READ:
             continue
@@ -158,16 +151,120 @@ def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) 
 def test_a_train_may_be_given_by_any_of_its_packets(core: Statistics) -> None:
     """Also by one that begins after the window."""
     core.start_codebook()
-    sent = random_frames(np.random.default_rng(4), 3, repeats=True)
-    core.take(sent.recording, LAW, BIT_PERIOD_S)
-    sending = sent.sendings[0]
-    own = int(USABLE_IDS[(packet(USABLE_IDS) == sending.bits).all(axis=1)][0])
+    sending = random_markers(core, np.random.default_rng(4), 3, repeats=True)[0]
     to_s = sending.start_s + 3 * PACKET_BITS * sending.bit_s
     words = []
     for packets in (0, 1, 4):
         later_s = packets * PACKET_BITS * sending.bit_s
         begun = sending._replace(start_s=sending.start_s + later_s)
-        verdict = core.decide(0, 3, to_s, [(own, begun)])
+        verdict = core.decide(0, 3, to_s, [(id_of(sending), begun)])
         assert verdict.reason == core.lib.RL_READ
         words.append(verdict.word)
     assert words == pytest.approx(words[:1] * 3, abs=0.1)
+
+
+ABOUT = 3.0
+"""The same where the core does not try a rival exactly [nats]."""
+EXPOSURES = (PERIOD_S * np.arange(80), PERIOD_S * np.arange(1, 81))
+
+
+def take_lights(core: Statistics, rng: np.random.Generator, seen: Floats) -> None:
+    """Let zone 0 see some light, of shape (80,), on a wall, and the others the wall."""
+    mean = 10 + 200 * seen[:, None] * (np.arange(GRID.zones) == 0)
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    stamp_ns = np.rint(1e9 * (EXPOSURES[0] + PERIOD_S / 2)).astype(np.int64)
+    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
+
+
+def sent_since(number: int, start_s: float, *, repeats: bool = True) -> Sending:
+    """Return a packet; times of the core count from the middle of the first exposure."""
+    return Sending(packet(number).astype(np.float64), repeats, start_s, BIT_PERIOD_S)
+
+
+def shown(sending: Sending) -> Floats:
+    """Return the light of the exposures of `take_lights`."""
+    start_s = sending.start_s + PERIOD_S / 2
+    return light(sending._replace(start_s=start_s), *EXPOSURES)
+
+
+def test_interferers_are_fitted_along(core: Statistics) -> None:
+    rng = np.random.default_rng(40)
+    first, second = sent_since(2073, -0.31), sent_since(1234, -0.77)
+    take_lights(core, rng, shown(first) + 0.7 * shown(second))
+    known = core.window.interference
+    known.count = 1
+    known.train[0].transmission = core.given(second)[0]
+    known.train[0].begin_s, known.train[0].end_s = -1.0, 2.0
+    null, rows = core.open(0.1, 0.1 + PACKET_S, 0)
+    known.count = 0
+    zone = core.rows(0).zone(LAW, rows)
+    zone.add_interferer(light(second, *zone.times))
+    assert_agrees(core, zone, null, around(first, rng))
+    alone = core.rows(0).zone(LAW, rows)
+    assert evidence([zone], first) > 2 * evidence([alone], first)
+
+
+NUMBERS = (2073, 1234, 3000, 77)
+
+
+def one_of_four(
+    core: Statistics, seed: int, seen: Floats, number: int
+) -> tuple[list[Zone], Floats, list[Floats]]:
+    """Open the window of a packet at 0.1 s; return it, when rows begin, and bits of other IDs."""
+    core.start_codebook(sorted(NUMBERS))
+    take_lights(core, np.random.default_rng(seed), seen)
+    _, rows = core.open(0.1, 0.1 + PACKET_S, 0)
+    held = core.rows(0)
+    others: list[Floats] = [
+        packet(other).astype(np.float64) for other in NUMBERS if other != number
+    ]
+    return [held.zone(LAW, rows)], held.begin_s[rows], others
+
+
+@pytest.mark.parametrize('bits', [11, 19])
+def test_two_packets_back_to_back_compete_with_one(core: Statistics, bits: int) -> None:
+    end_s = 0.1 + bits * BIT_PERIOD_S
+    ended = sent_since(2073, end_s - PACKET_S, repeats=False)
+    begun = sent_since(1234, end_s, repeats=False)
+    zones, _, others = one_of_four(core, bits, shown(ended) + shown(begun) - 1, 3000)
+    judged = sent_since(3000, 0.1)
+    cut, found, _ = core.margins(judged, 3000)
+    assert found == pytest.approx(sequence_margin(zones, judged, cut.begin_s, others), abs=NATS)
+    assert found < -20
+
+
+@pytest.mark.parametrize(('start_s', 'seen_from'), [(-0.2, 30), (-0.4, 42), (-0.5, 48)])
+def test_other_ids_of_what_appeared_compete(
+    core: Statistics, start_s: float, seen_from: int
+) -> None:
+    sent = sent_since(2073, start_s)
+    seen = np.where(np.arange(80) >= seen_from, shown(sent), 0.0)
+    zones, rows_s, others = one_of_four(core, seen_from, seen, 2073)
+    _, _, found = core.margins(sent, 2073)
+    wanted = part_margin(zones, sent, rows_s, others)
+    # The core tries those few that are likeliest by what single bits do.
+    assert wanted - ABOUT < found < max(wanted, 0.0) + 2 * ABOUT
+    assert found < 25
+
+
+@pytest.mark.parametrize('late_s', [0.0, 0.1, 0.2])
+def test_a_lone_packet_is_not_taken_for_one_that_repeats(core: Statistics, late_s: float) -> None:
+    core.start_codebook()
+    repeating = sent_since(2073, 0.1)
+    for repeats, reason in ((True, core.lib.RL_READ), (False, core.lib.RL_INCOMPLETE)):
+        sent = repeating._replace(repeats=repeats)
+        take_lights(core, np.random.default_rng(0), shown(sent))
+        hits = [(2073, repeating)]
+        assert core.decide(0, 1, 0.1 + PACKET_S + late_s, hits).reason == reason
+
+
+@pytest.mark.parametrize('late_s', [0.1, 0.2])
+def test_a_packet_after_one_of_another_id_has_not_repeated(core: Statistics, late_s: float) -> None:
+    core.start_codebook()
+    before, after = sent_since(2073, -0.8), sent_since(1234, 0.5)
+    seen = np.where(EXPOSURES[1] < 0.5, shown(before), shown(after))
+    take_lights(core, np.random.default_rng(0), seen)
+    # Hits begin before their stretch.
+    hit = after._replace(start_s=after.start_s - PACKET_S)
+    verdict = core.decide(0, 1, 0.5 + PACKET_S - late_s, [(1234, hit)])
+    assert verdict.reason == core.lib.RL_INCOMPLETE

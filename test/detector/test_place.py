@@ -113,7 +113,11 @@ def test_a_single_zone_without_noise_gives_its_middle() -> None:
 
 
 def ranged(
-    light: Floats, weight: Floats, signal: Floats, distance: Floats, other: 'Floats | None' = None
+    light: Floats,
+    signal: Floats,
+    distance: Floats,
+    valid: bool = True,
+    other: 'Floats | None' = None,
 ) -> tuple[float, float] | None:
     """Return what the core makes of one zone: depth and standard deviation [m].
 
@@ -121,39 +125,37 @@ def ranged(
     """
     rows, time_s = len(light), 0.021 * np.arange(len(light) + 1)
     held: dict[str, Any] = {
+        'sensor': core_sensor(VL53L8CX, ZoneGrid()),
+        'rows': rows,
         'begin_s': array('double', time_s[:-1]),
         'end_s': array('double', time_s[1:]),
         'light': array('double', light),
-        'valid': array('uint8_t', weight),
+        'valid': array('uint8_t', np.full(rows, valid)),
         'signal': array('float', signal),
         'distance': array('float', distance),
         'others': int(other is not None),
         'other': array('double', np.zeros(rows) if other is None else other.copy()),
         'alone': array('double', np.zeros(rows)),
     }
-    sensor = core_sensor(VL53L8CX, ZoneGrid())
-    seen = ffi.new('struct rl_seen *', {'sensor': sensor, 'rows': rows, **held})
-    found = ffi.new('struct rl_ranged *')
+    seen, found = ffi.new('struct rl_seen *', held), ffi.new('struct rl_ranged *')
     if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
         return None
     return found.depth_m, float(np.sqrt(found.variance))
 
 
-def blinking(
-    wall_m: float, wall: float, rng: np.random.Generator
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return light, weight, signal and distance of a marker at 1.5 m before a wall."""
+def blinking(wall_m: float, wall: float, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+    """Return light, signal and distance of a marker at 1.5 m before a wall."""
     light = rng.integers(0, 2, 200).astype(float)
     own = 100.0 * light
     if abs(wall_m - 1.5) < 0.6:
         signal = own + wall
         distance = (own * 1.5 + wall * wall_m) / np.maximum(signal, 1e-9)
     else:
-        signal = np.where(own > wall, own, wall)
+        signal = np.maximum(own, wall)
         distance = np.where(own > wall, 1.5, wall_m)
     distance = distance + 0.49 / np.maximum(signal, 1.0) * rng.standard_normal(200)
     distance[signal == 0] = np.nan
-    return light, np.ones(200), signal, distance
+    return light, signal, distance
 
 
 @pytest.mark.parametrize('wall', [0.0, 4.0, 60.0])
@@ -161,8 +163,7 @@ def blinking(
 def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float) -> None:
     scores = []
     for seed in range(40):
-        blink = blinking(wall_m, wall, np.random.default_rng(seed))
-        found = ranged(*blink)
+        found = ranged(*blinking(wall_m, wall, np.random.default_rng(seed)))
         assert found is not None
         depth_m, stddev_m = found
         assert stddev_m < 0.006
@@ -180,7 +181,7 @@ def test_a_marker_beside_another_has_its_own_range(other_m: float) -> None:
         signal = 40 * light + 120 * other + 5
         distance = (40 * light * 1.5 + 120 * other * other_m + 5 * 1.8) / signal
         distance += 0.49 / signal * rng.standard_normal(62)
-        found = ranged(light, np.ones(62), signal, distance, other)
+        found = ranged(light, signal, distance, other=other)
         assert found is not None
         assert found[1] < 0.03
         scores.append((found[0] - 1.5) / found[1])
@@ -196,7 +197,7 @@ def test_the_range_of_a_marker_that_sways_is_that_unsure() -> None:
         turn = rng.uniform(0, 2 * np.pi)
         own_m = 1.5 + 0.02 * np.sin(2 * np.pi * time_s / 1.5 + turn)
         distance = np.where(light > 0, own_m + 0.004 * rng.standard_normal(62), np.nan)
-        found = ranged(light, np.ones(62), 100 * light, distance)
+        found = ranged(light, 100 * light, distance)
         assert found is not None
         middle_s = time_s[light > 0].mean()
         there_m = 1.5 + 0.02 * np.sin(2 * np.pi * middle_s / 1.5 + turn)
@@ -204,8 +205,7 @@ def test_the_range_of_a_marker_that_sways_is_that_unsure() -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 2.0
 
 
-def test_a_range_needs_distances() -> None:
+def test_a_range_needs_distances_of_valid_samples() -> None:
     light = np.tile([0.0, 1.0], 10)
-    nothing = np.full(20, np.nan)
-    assert ranged(light, np.ones(20), 50 * light, nothing) is None
-    assert ranged(light, np.zeros(20), 50 * light, light + 1) is None
+    assert ranged(light, 50 * light, np.full(20, np.nan)) is None
+    assert ranged(light, 50 * light, light + 1, valid=False) is None

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_detector import ID, OTHER_ID, ZONE, a_scene, repeating, simulate
+from harness_detector import GRID, ID, OTHER_ID, ZONE, a_scene, repeating, simulate
 from numpy.typing import NDArray
 
 from evaluation.bench.following import two_in_a_zone
@@ -27,15 +27,12 @@ GONE_S = 0.5
 
 def follow(frames: Iterable[Frame]) -> tuple[LikelihoodDetector, list[list[Track]]]:
     """Give frames to a detector; return it, and the tracks at each frame."""
-    detector: LikelihoodDetector | None = None
+    detector = create_detector('joint', GRID)
+    assert isinstance(detector, LikelihoodDetector)
     tracks = []
     for frame in frames:
-        if detector is None:
-            detector = create_detector('joint', frame.grid)  # type: ignore[assignment]
-            assert isinstance(detector, LikelihoodDetector)
         detector.update(frame)
         tracks.append(detector.follow(frame))
-    assert detector is not None
     return detector, tracks
 
 
@@ -45,26 +42,14 @@ def ranging_scene(**marker: object) -> Scene:
     return replace(scene, sensor=replace(scene.sensor, ranging=RANGING))
 
 
-def switched(before: Recording, after: Recording, frame: int) -> Recording:
-    """Return one recording up to a frame, and another one from there on."""
-    arrays = {
-        name: np.concatenate([values[:frame], getattr(after, name)[frame:]])
-        for name, values in vars(before).items()
-        if name != 'grid'
-    }
-    return Recording(grid=before.grid, **arrays)
-
-
 def steady(tracks: list[list[Track]]) -> list[Track]:
     """Return the tracks a second after they began to be followed."""
-    first_ns = min(one.stamp_ns for frame in tracks for one in frame)
-    return [one for frame in tracks for one in frame if one.stamp_ns - first_ns > 1e9]
+    every = [one for frame in tracks for one in frame]
+    return [one for one in every if one.stamp_ns - every[0].stamp_ns > 1e9]
 
 
-def lasts_s(tracks: list[list[Track]], recording: Recording, frame: int, marker: int = ID) -> float:
-    """Return for how long after a frame a marker was followed [s]."""
-    stamps = [one.stamp_ns for frame in tracks for one in frame if one.id == marker]
-    return 1e-9 * (max(stamps) - int(recording.stamp_ns[frame]))
+def stamps_s(tracks: list[list[Track]], marker: int = ID) -> list[float]:
+    return [1e-9 * one.stamp_ns for frame in tracks for one in frame if one.id == marker]
 
 
 def errors(scene: Scene, tracks: list[Track]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -122,15 +107,20 @@ def test_a_marker_that_crosses_the_view_is_in_its_deviation(period_s: float, mos
     assert 0.3 < np.mean(squared) / 3 < most
 
 
+def lasting_s(after: Recording, frame: int) -> tuple[float, list[list[Track]]]:
+    """Show a marker that repeats, and from a frame on something else.
+
+    Return for how long after that it is followed [s], and the tracks at each frame.
+    """
+    before = [*repeating(8.0)][:frame]
+    _, tracks = follow([*before, *[*after][frame:]])
+    assert tracks[frame - 1]
+    return max(stamps_s(tracks)) - 1e-9 * int(after.stamp_ns[frame]), tracks
+
+
 def test_what_vanishes_is_dropped_within_half_a_second() -> None:
-    recording = repeating(8.0)
     nothing = simulate(replace(a_scene(), markers=()), 8.0)
-    lasting = []
-    for frame in range(280, 340, 6):
-        sent = switched(recording, nothing, frame)
-        _, tracks = follow(sent)
-        assert tracks[frame - 1]
-        lasting.append(lasts_s(tracks, sent, frame))
+    lasting = [lasting_s(nothing, frame)[0] for frame in range(280, 340, 6)]
     assert np.median(lasting) < GONE_S
     assert max(lasting) < 2 * GONE_S
 
@@ -142,40 +132,32 @@ def test_a_marker_that_ends_but_stays_bright_is_dropped_within_a_second(start_s:
     (marker,) = scene.markers
     marker = replace(marker, wander=None, occlusion=None, start_s=start_s, packets=4)
     _, tracks = follow(simulate(replace(scene, markers=(marker,)), 10.0))
-    stamps = [one.stamp_ns for frame in tracks for one in frame]
     silent_s = start_s + 4 * PACKET_BITS * marker.bit_period_s
-    assert 1e-9 * max(stamps) - silent_s < 1.0
+    assert max(stamps_s(tracks, marker.id)) - silent_s < 1.0
 
 
 @pytest.mark.parametrize('frame', [290, 303, 317, 331])
 def test_a_marker_that_sends_another_id_is_followed_no_longer(frame: int) -> None:
     other = simulate(a_scene(start_s=0.0, packets=None, id=OTHER_ID), 8.0)
-    sent = switched(repeating(8.0), other, frame)
-    _, tracks = follow(sent)
-    assert lasts_s(tracks, sent, frame) < 1.0
+    lasting, tracks = lasting_s(other, frame)
+    assert lasting < 1.0
     assert {one.id for one in tracks[-1]} == {OTHER_ID}
 
 
 def test_a_packet_alone_is_followed_only_until_no_other_comes() -> None:
-    recording = simulate(a_scene(start_s=0.5), 5.0)
-    _, tracks = follow(recording)
-    stamps = [one.stamp_ns for frame in tracks for one in frame]
-    assert not stamps or max(stamps) - min(stamps) < 1e9 * GONE_S
+    _, tracks = follow(simulate(a_scene(start_s=0.5), 5.0))
+    assert np.ptp(stamps_s(tracks) or [0.0]) < GONE_S
 
 
 @pytest.mark.parametrize('hidden_s', [0.1, 0.3])
 def test_a_hand_and_lost_frames_end_no_track(hidden_s: float) -> None:
-    recording = repeating(8.0)
-    first, count = 300, round(hidden_s / SENSOR.period_s)
-    gone = slice(first, first + count)
-    recording = replace(
-        recording, signal=recording.signal.copy(), distance=recording.distance.copy()
-    )
-    recording.signal[gone], recording.distance[gone] = 1700.0, 0.3
-    detector, _ = follow(recording)
-    assert detector.track_counts.ended == 0
-    detector, _ = follow([*recording][:first] + [*recording][first + count :])
-    assert detector.track_counts.ended == 0
+    frames = [*repeating(8.0)]
+    end = 300 + round(hidden_s / SENSOR.period_s)
+    bright, near = np.full(GRID.zones, 1700, np.float32), np.full(GRID.zones, 0.3, np.float32)
+    hidden = [replace(frame, signal=bright, distance=near) for frame in frames[300:end]]
+    for seen in (hidden, []):
+        detector, _ = follow([*frames[:300], *seen, *frames[end:]])
+        assert detector.track_counts.ended == 0
 
 
 @pytest.mark.parametrize('apart_m', [0.0, 0.3])

@@ -24,20 +24,18 @@ ids = st.integers(1, IDS - 2)
 frames = st.text('azAZ09_.-/', min_size=1, max_size=9).filter(lambda name: name[0] != '/')
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / 'some.yaml'
-
-
-def test_a_marker_says_its_frame_note_and_size_or_has_defaults() -> None:
+def test_a_marker_says_its_frame_note_size_and_place_or_has_defaults() -> None:
     said = {'frame': 'mug', 'note': 'on the table', 'size': '25 mm'}
     known = parse_markers({'markers': {5: said, 6: {'size': '0.1 m'}, 7: {'size': '3.5cm'}, 8: {}}})
     assert known[5] == KnownMarker(5, 'mug', 'on the table', 0.025)
     assert known[6] == KnownMarker(6, 'marker_6', '', 0.1)
     assert known[7].size_m == pytest.approx(0.035)
     assert known[8] == KnownMarker(8, 'marker_8', '', 0.03)
-    assert MARKER_SIZE_M == 0.03
     assert parse_markers({'markers': {}}) == {}
+    tray = {'object': 'tray', 'place': ['10 cm', '-5 mm', '0 m']}
+    objects = objects_of(parse_markers({'markers': {5: tray, 6: {}}}))
+    assert {name: [*places] for name, places in objects.items()} == {'tray': [5]}
+    assert objects['tray'][5].tolist() == [0.1, -0.005, 0.0]
 
 
 @given(
@@ -100,7 +98,8 @@ def test_markers_must_be_there_and_nothing_else() -> None:
     assert parse_markers({'markers': {5: {'frame': 'marker_5'}}})[5].frame == 'marker_5'
 
 
-def test_a_file_may_write_an_id_in_any_base_but_once(file: Path) -> None:
+def test_a_file_may_write_an_id_in_any_base_but_once(tmp_path: Path) -> None:
+    file = tmp_path / 'some.yaml'
     with pytest.raises(FileNotFoundError):
         load_markers(file)
     file.write_text('markers:\n  0x819: {frame: beans}\n  2096: {size: 5 cm}\n')
@@ -120,10 +119,3 @@ def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:
     for marker in known.values():
         assert marker.note
         assert marker.size_m == pytest.approx(MARKER_SIZE_M)
-
-
-def test_the_markers_of_an_object_have_places_on_it() -> None:
-    tray = {'object': 'tray', 'place': ['10 cm', '-5 mm', '0 m']}
-    known = parse_markers({'markers': {5: tray, 6: {}}})
-    assert {name: [*places] for name, places in objects_of(known).items()} == {'tray': [5]}
-    assert objects_of(known)['tray'][5].tolist() == [0.1, -0.005, 0.0]

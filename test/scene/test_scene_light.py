@@ -109,9 +109,8 @@ def test_wander_is_slow_smooth_and_bounded() -> None:
     assert np.abs(np.corrcoef(away.T) - np.eye(3)).max() < 0.05
 
 
-RESPONSE = Response(dark_s=0.5e-3, bright_s=3.5e-3)
 SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')
-MARKER = replace(SHARP, response=RESPONSE)
+MARKER = replace(SHARP, response=Response(dark_s=0.5e-3, bright_s=3.5e-3))
 ENDS_DARK = next(identity for identity in range(1, 4095) if packet(identity)[-1])
 
 
@@ -184,21 +183,16 @@ def test_contrast_is_what_a_dark_crystal_blocks() -> None:
     assert signal.max() == pytest.approx(200 * (1 + 2 * 0.107**2) ** -1.9, rel=0.01)
 
 
-def test_an_offset_lengthens_all_ranges() -> None:
-    distance = seen(
-        1, sensor={'ranging': {'shot': '0 m', 'floor': '0 m', 'offset': '20 mm'}}, surfaces=[WALL]
-    ).distance
-    assert distance[0, [0, 5]] == pytest.approx(1.05 + 0.02 * np.array([0.9072, 0.9851]), abs=2e-4)
-
-
-def test_a_dead_time_bends_bright_signals_and_leaves_faint_ones() -> None:
+def test_offset_dead_time_and_crosstalk_are_those_of_the_sensor() -> None:
+    ranging = {'shot': '0 m', 'floor': '0 m', 'offset': '20 mm'}
+    distance = seen(1, sensor={'ranging': ranging}, surfaces=[WALL]).distance[0]
+    assert distance[[0, 5]] == pytest.approx(1.05 + 0.02 * np.array([0.9072, 0.9851]), abs=2e-4)
+    # What is bright is bent.
     bright = {'distance': '0.3 m', 'signal': '1000 kcps/SPAD', 'zones': [0]}
     signal = seen(1, sensor={'saturation': '3000 kcps/SPAD'}, surfaces=[WALL, bright]).signal[0]
     assert signal[0] == pytest.approx(1000 / (1 + 1000 / 3000))
     assert signal[5] == pytest.approx(40 / (1 + 40 / 3000))
-
-
-def test_crosstalk_is_a_target_where_nothing_is_brighter() -> None:
+    # Crosstalk is a target where nothing is brighter.
     dim = {'distance': '2 m', 'signal': '4 kcps/SPAD', 'zones': [3]}
     near = {'distance': '0.3 m', 'signal': '50 kcps/SPAD', 'zones': [4]}
     recording = seen(1, sensor={'crosstalk': '6 kcps/SPAD'}, surfaces=[dim, near])
@@ -230,7 +224,7 @@ def test_a_hand_on_a_path_hides_what_is_behind_it() -> None:
     assert recording.distance[0, 10] > 0.9
 
 
-def test_a_sensor_that_turns_sweeps_a_marker_across_its_zones() -> None:
+def test_a_sensor_that_turns_or_comes_nearer_sees_other_things() -> None:
     path = way(8, (0, 0, 0), (0, 0, 0), (-15, 15))
     ahead = {'id': 2816, 'position': ['0 m', '0.1 m', '1 m']}
     recording = seen(7.9, sensor={'path': path}, markers=[ahead], surfaces=[WALL])
@@ -241,11 +235,6 @@ def test_a_sensor_that_turns_sweeps_a_marker_across_its_zones() -> None:
     middle = len(recording) // 2
     np.testing.assert_allclose(recording.distance[middle, 12:], 1.05, atol=0.01)
     assert recording.distance[0, 12] > recording.distance[0, 15]
-
-
-def test_a_sensor_that_comes_nearer_sees_more() -> None:
-    path = way(8, (0, 0, 0), (0, 0, 0.5))
-    recording = seen(7.9, sensor={'path': path}, surfaces=[WALL])
-    assert recording.distance[0, 5] == pytest.approx(1.05, abs=0.002)
-    assert recording.distance[-1, 5] == pytest.approx(0.556, abs=0.005)
-    assert recording.signal[-1, 5] == pytest.approx(40 * (1.05 / 0.556) ** 2, rel=0.02)
+    nearer = seen(7.9, sensor={'path': way(8, (0, 0, 0), (0, 0, 0.5))}, surfaces=[WALL])
+    assert nearer.distance[[0, -1], 5] == pytest.approx([1.05, 0.556], abs=0.005)
+    assert nearer.signal[-1, 5] == pytest.approx(40 * (1.05 / 0.556) ** 2, rel=0.02)

@@ -1,45 +1,32 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The noise and the time of simulated frames; seeds and blocks."""
+"""The noise and the time of simulated frames; seeds and blocks; the truth of what is read."""
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from harness_scene import BITS, MARKER, NOISE, RANGING, ZONE, simulate, wall
 
+from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector.place import Place
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Occlusion, Sensor, Surface, Wander
+from retrolidar_ros.scene.description import Sensor, Surface
+from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.truth import judge, true_position
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
-EVERYTHING = Scene(
-    seed=3,
-    sensor=Sensor(
-        period_error=-0.0036,
-        clock_error=0.01,
-        jitter_s=1e-3,
-        blur=0.05,
-        noise=NOISE,
-        ranging=RANGING,
-        target_threshold=3,
-        lost=0.05,
-        abnormal=0.02,
-    ),
-    markers=(
-        replace(MARKER, wander=Wander(0.1, 0.05, 5), occlusion=Occlusion(1.7, 0.06)),
-        replace(MARKER, id=77, position_m=(-0.3, 0.1, 2), gap_bits=3, packets=5),
-    ),
-    surfaces=(Surface(2.0, 8), Surface(1.2, 9, zones=(0, 5))),
-    ambient=4,
-)
+EVERYTHING = load_scene(str(Path(__file__).with_name('every_key.yaml')))
 
 
 def assert_same(one: Recording, other: Recording) -> None:
     assert one.grid == other.grid
-    names = ('stamp_ns', 'sequence', 'sensor_time_us', 'distance', 'signal', 'ambient', 'status')
-    for name in names:
+    for name in vars(one).keys() - {'grid'}:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
@@ -99,10 +86,10 @@ def test_noise_is_independent_of_ranging_never_negative_and_before_the_threshold
 
 @pytest.mark.parametrize('error', [-0.0036, 0.0, 0.05])
 def test_errors_are_of_the_true_period_and_of_the_stamps_only(error: float) -> None:
-    recording = simulate(wall(1, 9, Sensor(period_error=error)), 1001)
-    span_us = recording.sensor_time_us[-1] - recording.sensor_time_us[0]
-    assert span_us == pytest.approx(21e6 * (1 + error), abs=1)
-    assert Simulation(wall(1, 9, Sensor(period_error=error))).period_s == 0.021 * (1 + error)
+    simulation = Simulation(wall(1, 9, Sensor(period_error=error)))
+    times_us = simulation.advance(1001).sensor_time_us
+    assert times_us[-1] - times_us[0] == pytest.approx(21e6 * (1 + error), abs=1)
+    assert simulation.period_s == 0.021 * (1 + error)
     scene = Scene(markers=(MARKER,))
     fast = replace(scene, sensor=Sensor(clock_error=error))
     one, other = simulate(scene, 500), simulate(fast, 500)
@@ -155,20 +142,63 @@ def test_abnormal_samples_have_their_share_and_mean_nothing() -> None:
 def test_frames_depend_on_the_seed_only() -> None:
     one = simulate(EVERYTHING, 300)
     assert_same(one, simulate(EVERYTHING, 300))
-    assert_same(one, Simulation(EVERYTHING, np.random.default_rng(3)).advance(300))
+    assert_same(one, Simulation(EVERYTHING, np.random.default_rng(EVERYTHING.seed)).advance(300))
     other = simulate(replace(EVERYTHING, seed=4), 300)
     assert len(other) != len(one) or not np.array_equal(other.signal, one.signal)
-    first, second = Simulation(EVERYTHING), Simulation(EVERYTHING)
-    for count in (1, 50, 7, 100):
-        assert_same(first.advance(count), second.advance(count))
 
 
 @pytest.mark.parametrize('split', [1, 2, 37, 100, 101])
 def test_blocks_have_no_seam(split: int) -> None:
-    sensor = Sensor(period_error=-0.0036, clock_error=0.01, blur=0.05, target_threshold=20)
+    chance: dict[str, Any] = {
+        'jitter_s': 0.0,
+        'noise': None,
+        'ranging': None,
+        'lost': 0.0,
+        'abnormal': 0.0,
+    }
+    sensor = replace(EVERYTHING.sensor, target_threshold=20.0, **chance)
     scene = replace(EVERYTHING, sensor=sensor)
     whole = simulate(scene, 200)
     assert Status.NO_PREVIOUS_TARGET in whole.status
     simulation = Simulation(scene)
     parts = [simulation.advance(split), simulation.advance(200 - split)]
     assert_same(Recording.of([frame for part in parts for frame in part]), whole)
+
+
+def test_truth_is_the_range_at_the_stamp() -> None:
+    scene = load_scene('drone')
+    (marker,) = scene.markers
+    recording = Simulation(scene).run(14.0)
+    origin_ns = int(recording.stamp_ns[0])
+    end_ns = int(recording.stamp_ns[-10])
+    stamp_ns = int(recording.stamp_ns[-40])
+    sensor_s = recording.sensor_time_us[-40:-39] * 1e-6
+    places = position_at(marker, sensor_s / (1 + scene.sensor.clock_error))
+    truth = float(np.linalg.norm(places))
+    covariance = np.diag([0.05, 0.05, 0.005, 1, 1, 1]) ** 2
+    place = Place(places[0] + (0.06, 0, 0), np.eye(4)[3], covariance, truth + 0.004, 0.005)
+    read = create_detector('joint', recording.grid).update_all(recording)[-1]
+    start_ns = end_ns - round(1.302e9)
+    reading = replace(read, start_ns=start_ns, stamp_ns=stamp_ns, end_ns=end_ns, place=place)
+    ghost = replace(reading, id=7)
+    outcome, other = judge(scene, recording, [reading, ghost])
+    assert outcome.range_m == pytest.approx(truth, abs=3e-4)
+    assert outcome.error_m == pytest.approx(0.004, abs=3e-4)
+    assert outcome.place_error_m == pytest.approx(0.06, abs=1e-3)
+    assert outcome.place_stddev_m == pytest.approx(0.05)
+    assert outcome.good
+    sure = replace(reading, place=replace(place, covariance=np.eye(6) * 1e-4))
+    (missed, _) = judge(scene, recording, [sure, ghost])
+    assert (missed.is_placed, missed.good) == (False, False)
+    assert outcome.first_reading_s == pytest.approx((end_ns - origin_ns) * 1e-9)
+    assert (other.id, other.name, other.good) == (7, 'ghost', False)
+    (unread,) = judge(scene, recording, [])
+    assert (unread.readings, unread.good) == (0, False)
+
+
+def test_a_marker_at_rest_has_one_range_at_all_times() -> None:
+    scene = load_scene('drone')
+    marker = replace(scene.markers[0], wander=None)
+    recording = Simulation(scene).run(1.0)
+    places = true_position(scene, marker, recording, np.array([[0.0, 1e8], [2e8, 3e8]]))
+    assert places == pytest.approx(np.broadcast_to(marker.position_m, (2, 2, 3)))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a marker looks to a simulated sensor, and which target a zone reports."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -22,19 +21,6 @@ def test_distance_is_along_the_axis_by_the_factor_of_the_zone(zone: int) -> None
     x, y, z = (1.5 * GRID.directions[zone]).tolist()
     recording = simulate(Scene(markers=(replace(BRIGHT, position_m=(x, y, z)),)), 2)
     assert recording.distance[0, zone] == pytest.approx(1.5 * GRID.z_per_range[zone], rel=2e-3)
-
-
-def test_two_frames_a_bit_read_the_packet_but_the_crystal_needs_time() -> None:
-    recording = simulate(Scene(markers=(replace(MARKER, response=None),)), 2 * 62)
-    expected = 1 - np.repeat(np.tile(BITS, 2), 2)
-    assert recording.signal[:, ZONE] == pytest.approx(360.0 * expected, rel=1e-4)
-    recording = simulate(Scene(markers=(MARKER,)), 2 * 31)
-    signal = recording.signal[:, ZONE].reshape(31, 2) / 360
-    edges = np.diff([0, *BITS])
-    tau_share = 1e-3 / math.log(9) / 0.021
-    assert signal[edges == 1, 0] == pytest.approx(0.5 * tau_share, rel=1e-3)
-    assert signal[edges == -1, 0] == pytest.approx(1 - 3.5 * tau_share, rel=1e-3)
-    assert signal[:, 1] == pytest.approx(1 - BITS, abs=1e-4)
 
 
 def test_a_dark_marker_without_a_wall_is_no_target_whatever_the_rounding() -> None:

@@ -21,15 +21,12 @@ def packet_of(identity: Identity) -> bytes:
 
 
 def test_an_identity_between_frames_is_taken_and_is_no_error() -> None:
+    assert encode_identity(RANGING) == bytes([2, 1, 2, 3, 1, *range(12)])  # as the protocol says
     reader = reader_in_step()
     first, second = make_packets(2)
     assert sequences(reader.feed(first + packet_of(RANGING) + second)) == [0, 1]
     assert reader.commands.identity == RANGING
     assert (reader.counts.damaged, reader.counts.unknown_kind) == (0, 0)
-
-
-def test_its_bytes_are_those_of_the_protocol() -> None:
-    assert encode_identity(RANGING) == bytes([2, 1, 2, 3, 1, *range(12)])
 
 
 def test_who_is_there_is_asked_whenever_the_port_opens() -> None:

@@ -4,6 +4,7 @@
 
 import errno
 import os
+import re
 import stat
 import termios
 import time
@@ -52,22 +53,25 @@ def read(link: Path) -> Iterator[Read]:
         yield start
 
 
-def test_frames_come_with_the_time_of_their_arrival(link: Path, read: Read) -> None:
+def test_frames_come_byte_by_byte_with_the_time_of_their_arrival(link: Path, read: Read) -> None:
     with PortLink(link) as port:
+        other = os.open(link, os.O_RDWR | os.O_NOCTTY)
+        assert port.write(PACKETS[0] + PACKETS[1])  # before it is read: not for this reader
         reading = read()
         assert reading.report() == f'reading {link}'
         assert (reading.source.is_open, reading.source.problem) == (True, '')
-        sent_ns = []
-        for sequence, packet in enumerate(PACKETS):
-            sent_ns.append(time.time_ns())
-            assert port.write(packet)
+        for sequence, packet in enumerate(PACKETS[2:], 2):
+            sent_ns = time.time_ns()
+            for byte in packet:
+                assert port.write(bytes([byte]))
             frame, arrival_ns = reading.frames.get(timeout=10)
-            assert sent_ns[-1] <= arrival_ns <= time.time_ns()
+            assert sent_ns <= arrival_ns <= time.time_ns()
             assert frame.sequence == sequence
             np.testing.assert_array_equal(frame.signal, np.full(16, 9))
+        os.close(other)
         assert reading.source.openings == 1
-        assert reading.source.received.bytes == sum(map(len, PACKETS))
-        assert reading.source.reader.counts.frames == len(PACKETS)
+        assert reading.source.received.bytes == sum(map(len, PACKETS[2:]))
+        assert reading.source.reader.counts.frames == len(PACKETS) - 2
 
 
 @pytest.mark.usefixtures('soon')
@@ -114,29 +118,22 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
     assert reading.source.openings == 2
 
 
-def test_a_port_that_is_lost_just_before_the_end_is_not_reported(link: Path) -> None:
+def test_a_source_in_the_background_ends_with_its_block_and_reports_no_loss_then(
+    link: Path,
+) -> None:
     reports: Queue[str] = Queue()
-    port = PortLink(link)
+    port, before = PortLink(link), active_count()
     source = SerialSource(str(link), 115200, FrameReader())
-    with in_background(source, reports.put):
+    with in_background(source, reports.put) as take_until:
+        assert active_count() == before + 1
+        assert take_until(time.monotonic()) is None
         assert reports.get(timeout=10) == f'reading {link}'
         port.close()
         while source.is_open:
             time.sleep(0.001)
+    assert active_count() == before
     assert 'was lost' in source.problem
     assert reports.empty()
-
-
-def test_only_what_comes_is_read_even_byte_by_byte(link: Path, read: Read) -> None:
-    with PortLink(link) as port:
-        other = os.open(link, os.O_RDWR | os.O_NOCTTY)
-        assert port.write(PACKETS[0] + PACKETS[1])
-        reading = read()
-        reading.report()
-        for byte in PACKETS[2] + PACKETS[3]:
-            assert port.write(bytes([byte]))
-        assert reading.sequences(2) == [2, 3]
-        os.close(other)
 
 
 @pytest.mark.usefixtures('soon')
@@ -153,26 +150,6 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read:
     assert explain(caught.value, 'p') == 'p is in use by another program'
 
 
-@pytest.mark.usefixtures('soon')
-def test_a_missing_permission(link: Path, read: Read, monkeypatch: Patch) -> None:
-    real = os.open
-
-    def refusing(path: Any, flags: int, *arguments: Any, **options: Any) -> int:
-        if str(path) == str(link):
-            raise PermissionError(errno.EACCES, 'Permission denied', str(path))
-        return real(path, flags, *arguments, **options)
-
-    with PortLink(link):
-        monkeypatch.setattr(os, 'open', refusing)
-        reading = read()
-        expected = f'it belongs to the group {link.group()}: sudo usermod -aG {link.group()} $USER'
-        assert reading.report() == (
-            f'no permission to open {link}; {expected}, and log in again; retrying'
-        )
-        monkeypatch.undo()
-        assert reading.report() == f'reading {link}'
-
-
 @pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR])
 def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: int) -> None:
     if kind == stat.S_IFDIR:
@@ -186,31 +163,35 @@ def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: in
     assert reading.frames.empty()
 
 
+REMEDY = 'it belongs to the group {0}: sudo usermod -aG {0} $USER, and log in again'
+
+
 @pytest.mark.usefixtures('soon')
 @pytest.mark.parametrize(
-    'error',
+    ('owner', 'call', 'error', 'said'),
     [
-        ValueError('Failed to set custom baud rate (115200): [Errno 22] Invalid argument'),
-        termios.error(errno.EIO, 'Input/output error'),  # gone while it was being opened
-        serial.SerialException('Could not configure port: (5, ...)'),
+        (os, 'open', PermissionError(errno.EACCES, 'x'), f'no permission to open {{1}}; {REMEDY}'),
+        (serial, 'Serial', ValueError('Failed to set custom baud rate'), '{1}: Failed to set'),
+        # Gone while it was being opened.
+        (serial, 'Serial', termios.error(errno.EIO, 'Input/output error'), '{1}: .*output error'),
+        (serial, 'Serial', serial.SerialException('Could not: (5, ...)'), r'{1}: Could not: \(5'),
     ],
 )
-def test_what_pyserial_raises_is_a_reason_to_try_again(
-    link: Path, read: Read, monkeypatch: Patch, error: Exception
+def test_what_is_raised_is_said_and_a_reason_to_try_again(
+    link: Path, read: Read, monkeypatch: Patch, owner: Any, call: str, error: Exception, said: str
 ) -> None:
-    real, errors = serial.Serial, [error]
+    real, errors = getattr(owner, call), [error]
 
-    def failing(*arguments: Any, **options: Any) -> serial.Serial:
-        if errors:
+    def failing(path: Any, *arguments: Any, **options: Any) -> Any:
+        if errors and str(path) == str(link):
             raise errors.pop()
-        return real(*arguments, **options)
+        return real(path, *arguments, **options)
 
-    monkeypatch.setattr(serial, 'Serial', failing)
     with PortLink(link):
+        monkeypatch.setattr(owner, call, failing)
         reading = read()
-        report = reading.report()
-        assert report.startswith(f'{link}: ')
-        assert str(error.args[-1]) in report
+        wanted = said.replace('$', r'\$').format(link.group(), link)
+        assert re.fullmatch(f'{wanted}.*; retrying', reading.report())
         assert reading.report() == f'reading {link}'
 
 
@@ -242,14 +223,6 @@ def test_a_source_stops_while_frames_come_or_not(link: Path, read: Read, sent: b
         assert reading.end() < 1
         assert not reading.source.is_open
         serial.Serial(str(link), exclusive=True).close()  # and the port is free again
-
-
-def test_a_source_in_the_background_has_ended_when_its_block_does(link: Path) -> None:
-    before = active_count()
-    with in_background(SerialSource(str(link), 115200, FrameReader())) as take_until:
-        assert active_count() == before + 1
-        assert take_until(time.monotonic()) is None
-    assert active_count() == before
 
 
 def test_a_source_stops_without_a_port(link: Path, read: Read, monkeypatch: Patch) -> None:

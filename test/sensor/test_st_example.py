@@ -40,9 +40,14 @@ def read_one(text: bytes) -> Frame:
 
 @both_sides
 @pytest.mark.parametrize('line_end', ['\n', '\r\n'])
-def test_what_is_printed_is_read(side: int, line_end: str) -> None:
-    zones = make_zones(side)
-    frame = read_one(text_of(zones, line_end=line_end))
+def test_what_is_printed_is_read_with_the_end_of_its_last_row(side: int, line_end: str) -> None:
+    zones, reader = make_zones(side), new_reader()
+    text = text_of(zones, line_end=line_end)
+    end = text.rindex(b'|' + line_end.encode()) + 1 + len(line_end)
+    assert reader.feed(text[: end - 1]) == []
+    (frame,) = reader.feed(text[end - 1 : end])
+    assert reader.feed(text[end:]) == []
+    assert reader.counts == WireCounts(frames=1)
     assert frame.grid == ZoneGrid(side, side)
     assert (frame.stamp_ns, frame.sensor_time_us) == (NOW_NS // 1000 * 1000, NOW_NS // 1000)
     for array in (frame.distance, frame.signal, frame.ambient):
@@ -51,26 +56,14 @@ def test_what_is_printed_is_read(side: int, line_end: str) -> None:
     check_zones(frame, zones)
 
 
-@pytest.mark.parametrize(
-    ('printed', 'expected'),
-    [(5, 5), (9, 5), (0, 0), (255, 0), (1, 1), (6, 6), (10, 10), (13, 13), (254, 254)],
-)
-def test_statuses_and_negative_distances(printed: int, expected: int) -> None:
-    frame = read_one(text_of([Zone(-12, printed)] * 16))
-    assert set(frame.status) == {expected}
-    np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
-
-
-@both_sides
-def test_a_frame_comes_with_the_end_of_its_last_row(side: int) -> None:
-    text = text_of(make_zones(side))
-    end = text.rindex(b'|\n') + 2
-    reader = new_reader()
-    assert reader.feed(text[: end - 1]) == []
-    (frame,) = reader.feed(text[end - 1 : end])
-    check_zones(frame, make_zones(side))
-    assert reader.feed(text[end:]) == []
-    assert reader.counts == WireCounts(frames=1)
+def test_statuses_negative_distances_and_one_of_two_lights() -> None:
+    statuses = {5: 5, 9: 5, 0: 0, 255: 0, 1: 1, 6: 6, 10: 10, 13: 13, 254: 254}
+    for printed, expected in statuses.items():
+        frame = read_one(text_of([Zone(-12, printed)] * 16))
+        assert set(frame.status) == {expected}
+        np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
+    frame = read_one(text_of([Zone(700)] * 16).replace(LIGHT_CELL, b'|     X  :      3 '))
+    assert (set(frame.signal), set(frame.ambient)) == ({0}, {3})
 
 
 def test_it_does_not_matter_where_a_stream_is_cut() -> None:
@@ -139,12 +132,6 @@ def test_a_damaged_line_costs_its_frame_only(field: str, old: bytes, new: bytes)
     (frame,) = reader.feed(text)
     check_zones(frame, [Zone(700)] * 16)
     assert reader.counts == WireCounts(frames=1, **{field: 1})
-
-
-def test_a_zone_may_have_one_of_its_two_lights() -> None:
-    text = text_of([Zone(700)] * 16)
-    frame = read_one(text.replace(LIGHT_CELL, b'|     X  :      3 '))
-    assert (set(frame.signal), set(frame.ambient)) == ({0}, {3})
 
 
 PIECES = [*(bytes([byte]) for byte in b'\n\r|\0'), RANGING_CELL, LIGHT_CELL]

@@ -105,16 +105,6 @@ def test_cobs_decodes_or_refuses_as_the_reference_does(pypi_cobs: Any, encoded: 
         assert cobs_decode(encoded) == expected
 
 
-def test_the_written_packet_follows_the_protocol(pypi_cobs: Any) -> None:
-    content = content_of(4, 4, ZONES, sequence=SEQUENCE)
-    assert len(content) == 15 + 16 * 11
-    checksum = struct.pack('<H', bitwise_crc(content))
-    assert pypi_cobs.encode(content + checksum) + b'\0' == PACKET
-
-
-both_grids = pytest.mark.parametrize('side', [4, 8])
-
-
 def read_one(packet: bytes) -> Frame:
     """Read a packet that holds a frame."""
     (frame,), counts = read(packet)
@@ -122,7 +112,11 @@ def read_one(packet: bytes) -> Frame:
     return frame
 
 
-def test_the_written_packet_is_read_and_written_byte_for_byte() -> None:
+def test_the_written_packet_follows_the_protocol_is_read_and_is_written(pypi_cobs: Any) -> None:
+    content = content_of(4, 4, ZONES, sequence=SEQUENCE)
+    assert len(content) == 15 + 16 * 11
+    checksum = struct.pack('<H', bitwise_crc(content))
+    assert pypi_cobs.encode(content + checksum) + b'\0' == PACKET
     frame = read_one(PACKET)
     assert (frame.sequence, frame.sensor_time_us) == (SEQUENCE, SENSOR_TIME_US)
     assert frame.stamp_ns == SENSOR_TIME_US * 1000
@@ -153,7 +147,7 @@ def test_values_are_clipped_to_the_units_of_the_wire() -> None:
         assert [zone[field] for zone in in_order] == raw
 
 
-@both_grids
+@pytest.mark.parametrize('side', [4, 8])
 def test_only_status_255_means_no_distance_and_rows_begin_at_the_right(side: int) -> None:
     for first in range(0, 256, side**2):
         status = np.arange(first, first + side**2)
@@ -185,21 +179,12 @@ def test_frames_that_the_wire_cannot_hold(changes: dict[str, Any], message: str)
         encode_frame(make_frame(**changes))
 
 
-def counted(counts: WireCounts) -> int:
-    return counts.frames + counts.unknown_kind + counts.damaged
-
-
 def ended_packets(stream: bytes) -> list[bytes]:
     """Return what stands before each delimiter, where that is not nothing."""
     return [packet for packet in stream.split(DELIMITER)[:-1] if packet]
 
 
 NUMBERS = {one[:-1]: n for side in (4, 8) for n, one in enumerate(make_packets(4, side))}
-
-
-def whole(stream: bytes) -> list[int]:
-    """Return the sequences of the packets of `NUMBERS` that stand whole in a stream."""
-    return [NUMBERS[packet] for packet in ended_packets(stream) if packet in NUMBERS]
 
 
 def garbage() -> st.SearchStrategy[bytes]:
@@ -223,12 +208,14 @@ def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataOb
     found: list[int] = []
     for start, end in itertools.pairwise([0, *cuts, len(stream)]):
         found += sequences(reader.feed(stream[start:end]))
-        assert found == whole(stream[:end])
+        assert found == [NUMBERS[one] for one in ended_packets(stream[:end]) if one in NUMBERS]
     pending = stream.rpartition(DELIMITER)[2]
     overlong = len(pending) > MAX_PACKET_BYTES  # is known before its end
-    assert counted(reader.counts) == len(ended_packets(stream)) + overlong
-    assert reader.counts.frames == len(found)
-    assert reader.counts == read(stream)[1]
+    counts = reader.counts
+    counted = counts.frames + counts.unknown_kind + counts.damaged
+    assert counted == len(ended_packets(stream)) + overlong
+    assert counts.frames == len(found)
+    assert counts == read(stream)[1]
 
 
 def test_a_stream_joined_anywhere_costs_that_packet_only_and_is_no_damage() -> None:
@@ -251,37 +238,31 @@ SHAPES += [(16, 1, 16), (4, 8, 32), (16, 16, 256), (255, 255, 16)]
 
 
 @pytest.mark.parametrize(
-    ('field', 'content'),
-    [
-        ('bad_crc', b''),
-        *(('unknown_kind', kind) for kind in (b'\0', b'\3', content_of(4, 4, ZONES, kind=255))),
-        *(('bad_shape', part) for part in (b'\1', b'\2', content_of(4, 4, [])[:-1])),
-        *(('bad_shape', content_of(a, b, (ZONES * 16)[:count])) for a, b, count in SHAPES),
-        ('bad_shape', content_of(255, 255, ZONES * 20)),
-        ('bad_shape', content_of(4, 4, ZONES)[:-1]),
-        ('bad_shape', content_of(4, 4, ZONES) + b'\0'),
-    ],
-)
-def test_whole_packets_that_are_no_frames(field: str, content: bytes) -> None:
-    reader = reader_in_step()
-    assert reader.feed(encode_packet(content)) == []
-    assert reader.counts == WireCounts(**{field: 1})
-    assert reader.counts.damaged == (field != 'unknown_kind')
-    assert sequences(reader.feed(make_packets(1)[0])) == [0]
-
-
-@pytest.mark.parametrize(
     ('field', 'packet'),
     [
         *(('bad_crc', packet) for packet in (b'\1', b'\2a', b'\3ab', b'\1' * MAX_PACKET_BYTES)),
         *(('bad_framing', packet) for packet in (b'\4ab', b'\xff')),
         ('overlong', b'\1' * (MAX_PACKET_BYTES + 1)),
+        *(
+            (field, encode_packet(content)[:-1])
+            for field, content in (
+                ('bad_crc', b''),
+                *(('unknown_kind', one) for one in (b'\0', b'\3', content_of(4, 4, ZONES, 255))),
+                *(('bad_shape', part) for part in (b'\1', b'\2', content_of(4, 4, [])[:-1])),
+                *(('bad_shape', content_of(a, b, (ZONES * 16)[:count])) for a, b, count in SHAPES),
+                ('bad_shape', content_of(255, 255, ZONES * 20)),
+                ('bad_shape', content_of(4, 4, ZONES)[:-1]),
+                ('bad_shape', content_of(4, 4, ZONES) + b'\0'),
+            )
+        ),
     ],
 )
-def test_packets_that_are_not_whole(field: str, packet: bytes) -> None:
-    counts = WireCounts(**{field: 1})
-    assert read(packet + DELIMITER) == ([], counts)
-    assert counts.damaged == 1
+def test_packets_that_are_no_frames(field: str, packet: bytes) -> None:
+    reader = reader_in_step()
+    assert reader.feed(packet + DELIMITER) == []
+    assert reader.counts == WireCounts(**{field: 1})
+    assert reader.counts.damaged == (field != 'unknown_kind')
+    assert sequences(reader.feed(make_packets(1)[0])) == [0]
 
 
 def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> None:

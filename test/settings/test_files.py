@@ -33,10 +33,6 @@ def install(directory: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(resources, '_PACKAGE', directory / 'retrolidar_ros')
 
 
-def test_the_message_definition_is_found() -> None:
-    assert 'float32[] distance' in shared_file('msg/Frame.msg').read_text()
-
-
 def test_a_source_tree_holds_its_own_files(tmp_path: Path, monkeypatch: Patch) -> None:
     root = tmp_path / 'src' / 'repository'
     install(root, monkeypatch)
@@ -65,11 +61,6 @@ def test_an_installation_finds_its_share(tmp_path: Path, packages: str, monkeypa
 
 
 SHIPPED = sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / 'some.yaml'
 
 
 @pytest.mark.parametrize('name', SHIPPED)
@@ -110,7 +101,8 @@ def test_a_missing_scene_lists_those_that_ship(name: str) -> None:
         load_scene(name)
 
 
-def test_a_scene_error_names_file_and_key(file: Path) -> None:
+def test_a_scene_error_names_file_and_key(tmp_path: Path) -> None:
+    file = tmp_path / 'some.yaml'
     for text, complaint in (
         ('', 'the file: needs keys with values, not None'),
         ('sensor: {period: 21}', 'sensor.period: 21 has no unit; write 21 s'),
@@ -121,29 +113,18 @@ def test_a_scene_error_names_file_and_key(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ('text', 'key', 'line'),
-    [
-        ('seed: 1\nduration: 2 s\nseed: 3\n', 'seed', 3),
-        ('sensor:\n  period: 21 ms\n  blur: 5 %\n  period: 22 ms\n', 'period', 4),
-        ('markers:\n- {id: 5,\n   name: a,\n   id: 6}\n', 'id', 4),
-        ('1: a\n0x1: b\n', '1', 2),
-    ],
-)
-def test_a_key_that_stands_twice_is_refused(file: Path, text: str, key: str, line: int) -> None:
-    file.write_text(text)
-    with pytest.raises(ValueError, match=f"key '?{key}'? stands here a second time") as caught:
-        load_yaml(file)
-    assert f'line {line}, ' in str(caught.value)
-    assert str(caught.value).startswith(f'{file} is not a YAML file: ')
-    with pytest.raises(ConfigError, match=f'^{file} is not a YAML file: '):
-        load_scene(str(file))
-
-
-@pytest.mark.parametrize(
     ('text', 'reason'),
     [
+        *(
+            (text, f"key '?{key}'? stands here a second time.*line {line}, ")
+            for text, key, line in (
+                ('seed: 1\nduration: 2 s\nseed: 3\n', 'seed', 3),
+                ('sensor:\n  period: 21 ms\n  blur: 5 %\n  period: 22 ms\n', 'period', 4),
+                ('markers:\n- {id: 5,\n   name: a,\n   id: 6}\n', 'id', 4),
+                ('1: a\n0x1: b\n', '1', 2),
+            )
+        ),
         ('a: &a [1]\nb: *a', 'aliases are not read'),
-        ('x: ' + 'y' * 2**20, 'is larger than the 1048576 bytes'),
         ('[' * 1500, 'RecursionError'),
         *((f'x: !!{text}', '') for text in ('timestamp foo', 'bool maybe', 'int ""', 'set [1]')),
         ('x: !!float "' + ':'.join(['59'] * 300) + '"', ''),
@@ -159,18 +140,17 @@ def test_a_key_that_stands_twice_is_refused(file: Path, text: str, key: str, lin
 def test_no_yaml_or_what_harms_is_refused(text: str | bytes, reason: str, tmp_path: Path) -> None:
     path = tmp_path / 'hostile.yaml'
     path.write_bytes(text.encode() if isinstance(text, str) else text)
+    said = re.compile(f'^{path} is not a YAML file: .*{reason}', re.DOTALL)
     began = time.process_time()
-    with pytest.raises(ValueError, match=reason or f'^{path} is not a YAML file: ') as caught:
+    with pytest.raises(ValueError, match=said):
         load_yaml(path)
-    assert str(path) in str(caught.value)
     assert time.process_time() - began < 2.0
-    if not reason:
-        with pytest.raises(ConfigError, match=f'^{path} is not a YAML file: '):
-            load_scene(str(path))
+    with pytest.raises(ConfigError, match=said):
+        load_scene(str(path))
 
 
 def test_what_never_ends_is_read_to_the_limit_and_no_file_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match='is larger than'):
+    with pytest.raises(ValueError, match=r'^/dev/zero is larger than the 1048576 bytes'):
         load_yaml(Path('/dev/zero'))
     fifo = tmp_path / 'fifo'
     os.mkfifo(fifo)
