@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-static const double MIN_ENERGY = 1e-9; /* of light that blinks at all */
+static const double NO_BLINKING = 1e-9; /* of light that blinks at all */
 
 /* Signal times distance from a depth. */
 static double product_of(const struct rl_seen *seen, int row, double from_m)
@@ -40,7 +40,7 @@ static double product(const double *a, const double *b, int rows)
 /* Subtract from a column what of it follows the light of another marker. */
 static void subtract(const double *other, int rows, double *column)
 {
-    const double energy = fmax(product(other, other, rows), MIN_ENERGY);
+    const double energy = fmax(product(other, other, rows), NO_BLINKING);
     const double share = product(other, column, rows) / energy;
     for (int row = 0; row < rows; row++) {
         column[row] -= share * other[row];
@@ -85,7 +85,7 @@ static double share_of_others(const struct rl_seen *seen, const uint8_t *role, d
     squares -= sum * sum / count;
     for (int i = 0; i < seen->others; i++) {
         const double *other = seen->other + i * seen->rows;
-        energy[i] = fmax(product(other, other, seen->rows), MIN_ENERGY);
+        energy[i] = fmax(product(other, other, seen->rows), NO_BLINKING);
         squares -= cross[i] * cross[i] / energy[i];
     }
     const double noise = fmax(squares, 0.0) / fmax(count - 2.0, 1.0);
@@ -106,7 +106,7 @@ bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double a
         gain += seen->alone[row] * (double)seen->signal[row];
         count += role[row] != 0;
     }
-    if (!(energy > MIN_ENERGY) || !(gain > 0.0)) {
+    if (!(energy > NO_BLINKING) || !(gain > 0.0)) {
         return false;
     }
     gain /= energy;
