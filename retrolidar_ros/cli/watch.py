@@ -97,6 +97,9 @@ class Watch:
         if not isinstance(detector, LikelihoodDetector):
             raise ValueError(f'--method {self._settings.values["method"]}: watch shows joint only')
         self._detector, self._shown_zone = detector, self._fixed_zone
+        self._agreement = Agreement(self._settings.values['min_readings'])
+        self._last.clear()
+        self._times.clear()
         self._monitor.restart(grid)
 
     def _take(self, frame: Frame) -> None:

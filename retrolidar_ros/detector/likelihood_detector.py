@@ -16,7 +16,8 @@ from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
 from retrolidar_ros.detector.placement import core_sensor, placed
 from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
-from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, check_ids
+from retrolidar_ros.marker.code import PACKET_BITS, RESERVED_IDS, check_ids
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
@@ -223,9 +224,15 @@ class LikelihoodDetector:
 
 
 def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the usable registered IDs, or all usable ones, ascending; ValueError for none."""
-    ids = np.arange(IDS) if registered_ids is None else np.unique(check_ids(registered_ids))
-    ids = ids[~np.isin(ids, RESERVED_IDS)]
+    """Return the registered IDs, or all usable ones, ascending; ValueError for other ones."""
+    if registered_ids is None:
+        return USABLE_IDS
+    ids = np.unique(check_ids(registered_ids))
+    reserved = np.intersect1d(ids, RESERVED_IDS)
+    if len(reserved):
+        raise ValueError(
+            f'registered_ids holds {reserved[0]}, which no marker sends: 1 to 4094 are IDs'
+        )
     if not len(ids):
-        raise ValueError('registered_ids holds no usable ID (0 and 4095 cannot be read)')
+        raise ValueError('registered_ids holds no ID: leave it out to read all')
     return ids

@@ -219,5 +219,5 @@ class TransformedDetections(DetectionSubscriber):
         self._missing = f'no transform from {message.header.frame_id} to {self._fixed}'
         self._node.get_logger().warning(
             f'{self._missing}; a reading of {message.child_frame_id} is left out',
-            throttle_duration_sec=5.0,
+            throttle_duration_sec=_LOG_PERIOD_S,
         )

@@ -166,6 +166,10 @@ def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:
     assert known.frame is not None
     assert known.frame.grid == ZoneGrid(8, 8)
     assert known.modulation_db.shape == (64,)
+    read = list(Simulation(SCENE).advance(150))
+    assert watch_of(read).snapshot().readings
+    other = [frame(ZoneGrid(8, 8), number) for number in range(150, 190)]
+    assert not watch_of(read + other).snapshot().readings
     assert watch_of(small, zone=3).snapshot().zone == 3
     assert watch_of(large, zone=16).snapshot().zone == 16
     with pytest.raises(ValueError, match=r'--zone 16: the sensor has 4x4 zones, 0 to 15'):

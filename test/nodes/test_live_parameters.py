@@ -187,7 +187,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({'max_packets': 2.0}, 'Wrong parameter type'),
     ({'noise_floor': math.nan}, 'noise_floor out of range'),
     ({'registered_ids': ParameterValue()}, 'registered_ids: None is not a list'),
-    ({'registered_ids': [0]}, 'registered_ids holds no usable ID'),
+    ({'registered_ids': [7, 0]}, 'registered_ids holds 0, which no marker sends'),
     ({'method': ParameterValue()}, 'cannot be undeclared'),
 ]
 
@@ -209,7 +209,7 @@ def test_parameters_set_at_once_are_all_refused_if_one_is(live: Live) -> None:
     request = kind.Request(parameters=parameter_messages(changes))
     result = live.services.call(kind, service, request).result
     assert not result.successful
-    assert 'no usable ID' in result.reason
+    assert 'registered_ids holds 0' in result.reason
     live.set(DETECTOR, stale_after=5.0)  # does not bring them after all
     assert live.services.get(DETECTOR) == before | live.services.get(DETECTOR, 'stale_after')
     live.wait_for_readings(1, *NAMES)
