@@ -158,13 +158,14 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
             const double weight = belief[1 - axis].blur[i] * prior_of(BLUR[i], blur);
             for (int place = 0; weight > 0.0 && place < RL_PLACES; place++) {
                 const double chance = weight * belief[axis].place[i][place];
+                const double at_place = table->place[place], step = table->prior[place];
                 total += chance;
-                sum += chance * table->place[place];
-                square += chance * table->place[place] * table->place[place];
+                sum += chance * at_place;
+                square += chance * (at_place * at_place + step * step / 12.0);
             }
         }
         bearing.mean[axis] = sum / total;
-        bearing.variance[axis] = fmax(square / total - bearing.mean[axis] * bearing.mean[axis], 0);
+        bearing.variance[axis] = square / total - bearing.mean[axis] * bearing.mean[axis];
     }
     return bearing;
 }

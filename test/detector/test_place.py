@@ -86,6 +86,20 @@ def test_a_marker_on_a_border_is_found_there_whatever_the_blur(grid: ZoneGrid, b
 
 
 @given(
+    light=st.lists(st.floats(-100, 100), min_size=16, max_size=16).map(np.array),
+    zone=st.integers(0, 15),
+    variance=st.floats(1e-6, 1e4),
+)
+def test_no_bearing_is_certain(light: Floats, zone: int, variance: float) -> None:
+    """Whatever zones have seen, also of other markers: a covariance must have an inverse."""
+    variances = np.full(16, variance)
+    variances[zone] = 0.0
+    bearing = shared_bearing(zone, light, variances, GRIDS[0])
+    assert np.all(np.isfinite(bearing.tangent))
+    assert np.all(bearing.variance > (1e-3 * GRIDS[0].pitch) ** 2)
+
+
+@given(
     across=st.floats(-0.5, 0.5),
     down=st.floats(-0.5, 0.5),
     blur=st.floats(0.05, 0.3),
