@@ -302,7 +302,6 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, do
                                            placement->range_m * sensor->z_per_range[zone]);
         amplitude.variance[zone] += hidden * hidden;
     }
-    amplitude.variance[strongest] = 0.0;
     placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
