@@ -4,12 +4,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from harness_core import LAW, PERIOD_S
+from harness_frames import recording_of
 from hypothesis import given
 from hypothesis import strategies as st
+from oracle import Sending, light
 
 from retrolidar_ros.core import array, ffi, lib
+from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.place import Bearing, place, zone_bearing
 from retrolidar_ros.detector.placement import core_sensor
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX
@@ -219,7 +224,56 @@ def test_the_range_of_a_marker_that_sways_is_that_unsure() -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 2.0
 
 
+@pytest.mark.parametrize('seen_m', [1.9, 2.9])
+def test_samples_of_something_else_do_not_shift_the_range(seen_m: float) -> None:
+    """The marker leaves the zone, and the wall is seen, or a third of the samples show a hand."""
+    scores = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        light = rng.integers(0, 2, 120).astype(float)
+        other = np.arange(120) >= 50 if seen_m < 2 else rng.random(120) < 0.3
+        signal = np.where(other, 4.0 if seen_m < 2 else 150.0, 100 * light + 4)
+        bright_m = (100 * 1.5 + 4 * seen_m) / 104 if seen_m < 2 else 1.5
+        distance = np.where(other | (light == 0), seen_m, bright_m)
+        distance += 0.49 / signal * rng.standard_normal(120)
+        found = ranged(light, signal, distance)
+        assert found is not None
+        scores.append((found[0] - 1.5) / found[1])
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.7
+
+
 def test_a_range_needs_distances_of_valid_samples() -> None:
     light = np.tile([0.0, 1.0], 10)
     assert ranged(light, 50 * light, np.full(20, np.nan)) is None
     assert ranged(light, 50 * light, light + 1, valid=False) is None
+
+
+def placed_in(zones: dict[int, float], gain: float = 60.0) -> Detection:
+    """Return what is read of a lone packet that zones see at such distances, before a wall."""
+    middle_s = np.arange(PERIOD_S / 2, 1.6 * PACKET_BITS * BIT_PERIOD_S, PERIOD_S)
+    sending = Sending(packet(2073).astype(np.float64), False, 0.5, BIT_PERIOD_S)
+    sent = gain * light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+    mean = np.full((len(sent), GRIDS[0].zones), 10.0)
+    distance = np.full(mean.shape, 1.5)
+    for zone, depth_m in zones.items():
+        distance[:, zone] = (10 * 1.5 + sent * depth_m) / (10 + sent)
+        mean[:, zone] += sent
+    rng = np.random.default_rng(9)
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    distance += 0.49 / mean * rng.standard_normal(mean.shape)
+    stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
+    recording = recording_of(stamp_ns, np.maximum(signal, 0), distance)
+    (detection,) = create_detector('joint', GRIDS[0]).update_all(recording)
+    return detection
+
+
+def test_a_range_is_the_mean_of_those_of_all_zones() -> None:
+    one, four = (placed_in(dict.fromkeys(zones, 1.5)) for zones in ((5,), (5, 6, 9, 10)))
+    assert set(four.zones) == {5, 6, 9, 10}
+    assert four.place.range_stddev_m < 0.65 * one.place.range_stddev_m
+
+
+def test_a_reflection_in_a_far_zone_is_no_part_of_a_place() -> None:
+    far, alone = placed_in({5: 1.5, 15: 2.3}), placed_in({5: 1.5})
+    assert far.zones == (5,)
+    assert far.place.range_m == pytest.approx(alone.place.range_m, abs=0.01)
