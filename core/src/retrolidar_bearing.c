@@ -31,11 +31,6 @@ struct shares {
     double of[BLURS][RL_PLACES][NEAR];
 };
 
-/* How likely each place is, given each blur, and each blur by itself. */
-struct belief {
-    double place[BLURS][RL_PLACES], blur[BLURS];
-};
-
 void rl_bearing_start(struct rl_bearing_table *table)
 {
     int count = 0;
@@ -86,9 +81,13 @@ static void share_out(const struct rl_bearing_table *table, double width, struct
     }
 }
 
-/* precision: 1 over the variance of each light, 0 where there is no zone */
+/* How likely each place is, given each blur.
+ *
+ * precision: 1 over the variance of each light, 0 where there is no zone
+ */
 static void believe(const struct rl_bearing_table *table, const struct shares *shares,
-                    const double light[NEAR], const double precision[NEAR], struct belief *belief)
+                    const double light[NEAR], const double precision[NEAR],
+                    double belief[BLURS][RL_PLACES])
 {
     double most = 0.0;
     for (int blur = 0; blur < BLURS; blur++) {
@@ -100,18 +99,14 @@ static void believe(const struct rl_bearing_table *table, const struct shares *s
                 energy += share[i] * share[i] * precision[i];
             }
             /* The strength that fits best is taken for each place. */
-            const double fitness = common > 0.0 ? common * common / energy / 2 : 0.0;
-            belief->place[blur][place] = fitness;
-            most = fmax(most, fitness);
+            belief[blur][place] = common > 0.0 ? common * common / energy / 2 : 0.0;
+            most = fmax(most, belief[blur][place]);
         }
     }
     for (int blur = 0; blur < BLURS; blur++) {
-        belief->blur[blur] = 0.0;
         for (int place = 0; place < RL_PLACES; place++) {
-            const double less = belief->place[blur][place] - most;
-            const double chance = less > -HOPELESS ? table->prior[place] * exp(less) : 0.0;
-            belief->place[blur][place] = chance;
-            belief->blur[blur] += chance;
+            const double less = belief[blur][place] - most;
+            belief[blur][place] = less > -HOPELESS ? table->prior[place] * exp(less) : 0.0;
         }
     }
 }
@@ -135,8 +130,9 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
     const int at[AXES] = {zone % columns, zone / columns}, most[AXES] = {columns, rows};
     const int apart[AXES] = {1, columns};
     const double doubt = fmax(MODEL_ERROR * amplitude[zone], MIN_DOUBT);
+    struct rl_bearing bearing = {{0.0, 0.0}, {0.0, 0.0}};
     struct shares shares;
-    struct belief belief[AXES];
+    double belief[BLURS][RL_PLACES];
     share_out(table, width, &shares);
     /* Neighbours across and down suffice: the shares of others are products of theirs. */
     for (int axis = 0; axis < AXES; axis++) {
@@ -148,16 +144,12 @@ struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t ro
                 precision[i] = 1.0 / (variance[other] + doubt * doubt);
             }
         }
-        believe(table, &shares, light, precision, &belief[axis]);
-    }
-    /* What one axis says of the blur weighs the other one. */
-    struct rl_bearing bearing = {{0.0, 0.0}, {0.0, 0.0}};
-    for (int axis = 0; axis < AXES; axis++) {
+        believe(table, &shares, light, precision, belief);
         double total = 0.0, sum = 0.0, square = 0.0;
         for (int i = 0; i < BLURS; i++) {
-            const double weight = belief[1 - axis].blur[i] * prior_of(BLUR[i], blur);
-            for (int place = 0; weight > 0.0 && place < RL_PLACES; place++) {
-                const double chance = weight * belief[axis].place[i][place];
+            const double weight = prior_of(BLUR[i], blur);
+            for (int place = 0; place < RL_PLACES; place++) {
+                const double chance = weight * belief[i][place];
                 const double at_place = table->place[place], step = table->prior[place];
                 total += chance;
                 sum += chance * at_place;

@@ -14,7 +14,6 @@ static const double NEAREST_M = 1e-3;
 /* By how much the signal of a zone rises with the light, and what the packet leaves over. */
 struct amplitude {
     double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
-    double other[RL_MAX_ZONES]; /* rise of what else blinks, about, squared */
 };
 
 /* The times of the samples of a reading, and the light of its packet at each. */
@@ -105,7 +104,6 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
     const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;
-    amplitude->other[zone] = 2.0 * fmax(alike, 0.0) / energy;
     amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
 }
 
@@ -129,7 +127,7 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     bool saw[RL_MAX_ZONES];
     for (int zone = 0; zone < samples->zones; zone++) {
         const double of = amplitude->of[zone];
-        saw[zone] = is_near(samples, reading, zone) && of * of > amplitude->other[zone] &&
+        saw[zone] = is_near(samples, reading, zone) &&
                     of > RL_MIN_SEEN * sqrt(amplitude->variance[zone]);
         most = saw[zone] ? fmax(most, amplitude->of[zone]) : most;
     }
@@ -176,27 +174,6 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
     placement->range_variance = 1.0 / precision;
     placement->time_s = time_s / precision;
     return true;
-}
-
-/* Light of another target, which is reported when the marker is bright: so much of the marker's may
- * have been missed there.
- */
-static double hidden_light(const struct rl_detector *detector, const struct rl_seen *seen,
-                           int first, int zone, double depth_m)
-{
-    const size_t at = rl_sample(&detector->samples, zone, first);
-    const double separable_m = seen->sensor->separable_m;
-    double hidden = 0.0, bright = 0.0;
-    for (int row = 0; row < seen->rows; row++) {
-        if (seen->light[row] > RL_BRIGHT) {
-            const double distance = (double)detector->samples.distance[at + (size_t)row];
-            bright += 1.0;
-            hidden += fabs(distance - depth_m) >= separable_m
-                          ? (double)detector->samples.signal[at + (size_t)row]
-                          : 0.0;
-        }
-    }
-    return hidden / fmax(bright, 1.0);
 }
 
 static double score_of(const struct rl_seen *seen)
@@ -297,11 +274,6 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, do
     const int strongest = placement->zone[0];
     placement->amplitude = amplitude.of[strongest];
     placement->noise = amplitude.noise[strongest];
-    for (int zone = 0; zone < samples->zones; zone++) {
-        const double hidden = hidden_light(detector, &seen, first, zone,
-                                           placement->range_m * sensor->z_per_range[zone]);
-        amplitude.variance[zone] += hidden * hidden;
-    }
     placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,

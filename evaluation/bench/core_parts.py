@@ -166,7 +166,6 @@ PARTS = {
         'is_near(samples, reading, zone) &&',
         '(true || is_near(samples, reading, zone)) &&',
     ),
-    'zones: less what else blinks': Part('placement', '= 2.0 * fmax(alike, 0.0)', '= 0.0 * alike'),
     'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
     'range: other markers fitted along': Part(
         'placement', 'seen->others < RL_MAX_OTHERS;', 'seen->others < 0;'
@@ -188,14 +187,10 @@ PARTS = {
     'bearing: noise that goes on': Part(
         'placement', '(1.0 + 2.0 * fmax(alike', '(1.0 + 0.0 * fmax(alike'
     ),
-    'bearing: light that is hidden': Part('placement', '+= hidden * hidden', '+= 0.0 * hidden'),
     'bearing: neighbours': Part(
         'bearing', '1.0 / (variance[other] + doubt * doubt)', '(other == zone) / (doubt * doubt)'
     ),
     'bearing: error of the model': Part('bearing', 'MODEL_ERROR = 0.02', 'MODEL_ERROR = 0.001'),
-    'bearing: blur of the other axis': Part(
-        'bearing', 'belief[1 - axis].blur[i] * prior_of', 'prior_of'
-    ),
     'bearing: less blur is likelier': Part('bearing', '1.0 / sqrt(blur)', '1.0'),
 }
 """By what they do."""
