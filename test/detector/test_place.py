@@ -119,6 +119,30 @@ def test_truth_is_in_three_deviations(across: float, down: float, blur: float, z
     assert np.all(np.abs(bearing.tangent - tangent) < 3 * np.sqrt(bearing.variance) + 1e-3)
 
 
+@given(share=st.floats(-0.1, 0.9), stddev=st.floats(1, 20))
+def test_a_bearing_is_the_mean_of_all_that_agree_with_shares(share: float, stddev: float) -> None:
+    """An independent integral over bearings and blurs, the less likely the larger."""
+    grid = GRIDS[0]
+    light, variance = np.zeros(grid.zones), np.full(grid.zones, stddev**2)
+    light[[5, 6]] = 100.0, 100 * share
+    places = np.linspace(-0.7, 0.7, 301)
+    across = grid.tangents[5][0] + grid.pitch * places
+    positions_m = np.stack([across, np.full(301, grid.tangents[5][1]), np.ones(301)], axis=-1)
+    nats = []
+    for blur in (0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35):
+        seen = zone_shares(positions_m, SPOT, grid, blur)[:, 4:7]
+        common, energy = seen @ light[4:7], (seen**2).sum(axis=1)
+        # A zone deviates from the model by 2 % of the brightest.
+        evidence = np.maximum(common, 0) ** 2 / energy / 2 / (stddev**2 + 2.0**2)
+        nats.append(evidence - np.log(blur) / 2)
+    chances = np.exp(nats - np.max(nats)).sum(axis=0)
+    mean = np.average(places, weights=chances)
+    spread = np.sqrt(np.average((places - mean) ** 2, weights=chances))
+    bearing = shared_bearing(5, light, variance, grid)
+    assert (bearing.tangent - grid.tangents[5])[0] / grid.pitch == pytest.approx(mean, abs=0.02)
+    assert np.sqrt(bearing.variance[0]) / grid.pitch == pytest.approx(spread, rel=0.05, abs=0.005)
+
+
 def test_a_single_zone_without_noise_gives_its_middle() -> None:
     grid = GRIDS[0]
     light = np.zeros(grid.zones)
@@ -248,17 +272,22 @@ def test_a_range_needs_distances_of_valid_samples() -> None:
     assert ranged(light, 50 * light, light + 1, valid=False) is None
 
 
-def placed_in(zones: dict[int, float], gain: float = 60.0) -> Detection:
-    """Return what is read of a lone packet that zones see at such distances, before a wall."""
+def placed_in(zones: dict[int, float], crosses: bool = False, seed: int = 9) -> Detection:
+    """Return what is read of a lone packet that zones see at such distances, before a wall.
+
+    One that crosses goes from the first of two zones to the second.
+    """
     middle_s = np.arange(PERIOD_S / 2, 1.6 * PACKET_BITS * BIT_PERIOD_S, PERIOD_S)
     sending = Sending(packet(2073).astype(np.float64), False, 0.5, BIT_PERIOD_S)
-    sent = gain * light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+    sent = 60 * light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+    gone = np.clip((middle_s - 0.5) / (PACKET_BITS * BIT_PERIOD_S), 0, 1)
     mean = np.full((len(sent), GRIDS[0].zones), 10.0)
     distance = np.full(mean.shape, 1.5)
-    for zone, depth_m in zones.items():
-        distance[:, zone] = (10 * 1.5 + sent * depth_m) / (10 + sent)
-        mean[:, zone] += sent
-    rng = np.random.default_rng(9)
+    for index, (zone, depth_m) in enumerate(zones.items()):
+        seen = sent * ((1 - gone, gone)[index] if crosses else 1)
+        distance[:, zone] = (10 * 1.5 + seen * depth_m) / (10 + seen)
+        mean[:, zone] += seen
+    rng = np.random.default_rng(seed)
     signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
     distance += 0.49 / mean * rng.standard_normal(mean.shape)
     stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
@@ -277,3 +306,13 @@ def test_a_reflection_in_a_far_zone_is_no_part_of_a_place() -> None:
     far, alone = placed_in({5: 1.5, 15: 2.3}), placed_in({5: 1.5})
     assert far.zones == (5,)
     assert far.place.range_m == pytest.approx(alone.place.range_m, abs=0.01)
+
+
+def test_the_bearing_of_a_marker_that_crosses_is_that_unsure() -> None:
+    scores = []
+    for seed in range(20):
+        placed = placed_in({5: 1.5, 6: 1.5}, crosses=True, seed=seed).place
+        border = (GRIDS[0].tangents[5] + GRIDS[0].tangents[6])[0] / 2
+        off_m = placed.position_m[0] - placed.position_m[2] * border
+        scores.append(off_m / np.sqrt(placed.covariance[0, 0]))
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.1
