@@ -10,6 +10,7 @@ from harness_core import GRID, LAW, PERIOD_S, Statistics, constant
 from harness_frames import recording_of
 from oracle import Sending, light
 
+from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Floats
 
@@ -177,3 +178,19 @@ def test_packets_that_are_combined_are_of_the_same_bits(core: Statistics) -> Non
     first, second = (shown(2073, flipped=bit, repeats=True) for bit in (12, 20))
     changed = np.where(MIDDLE_S < START_S + PACKET_S, first, second)
     assert judged(core, changed, 2073, packets=2).word > 6 * WORD_NATS
+
+
+def test_a_faint_packet_of_four_zones_is_found_beside_a_bright_marker() -> None:
+    """In none of them alone is it found."""
+    known = Sending(packet(1234).astype(np.float64), True, 0.3, BIT_PERIOD_S)
+    other = light(known, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+    seen = 100.0 * other + 12.0 * shown(2073, PACKET_BITS - 3)
+    mean = 10.0 + np.outer(seen, np.isin(np.arange(GRID.zones), (5, 6, 9, 10)))
+    found = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+        frames = recording_of(np.rint(1e9 * MIDDLE_S).astype(np.int64), np.maximum(signal, 0))
+        read = create_detector('joint', GRID).update_all(frames)
+        found += any(one.id == 2073 for one in read)
+    assert found >= 3
