@@ -14,6 +14,7 @@ static const double NEAREST_M = 1e-3;
 /* By how much the signal of a zone rises with the light, and what the packet leaves over. */
 struct amplitude {
     double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
+    double score[RL_MAX_ZONES]; /* correlation of the signal with the light */
 };
 
 /* The times of the samples of a reading, and the light of its packet at each. */
@@ -104,6 +105,7 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
     const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;
+    amplitude->score[zone] = fmax(rise, 0.0) / sqrt(rise * rise + power / energy + 1e-30);
     amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
 }
 
@@ -174,26 +176,6 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
     placement->range_variance = 1.0 / precision;
     placement->time_s = time_s / precision;
     return true;
-}
-
-static double score_of(const struct rl_seen *seen)
-{
-    double count = 1e-9, light = 0.0, signal = 0.0, cross = 0.0, energy = 0.0, power = 0.0;
-    for (int row = 0; row < seen->rows; row++) {
-        count += seen->valid[row];
-        light += seen->valid[row] ? seen->light[row] : 0.0;
-        signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
-    }
-    for (int row = 0; row < seen->rows; row++) {
-        if (seen->valid[row]) {
-            const double bright = seen->light[row] - light / count;
-            const double seen_more = (double)seen->signal[row] - signal / count;
-            cross += bright * seen_more;
-            energy += bright * bright;
-            power += seen_more * seen_more;
-        }
-    }
-    return energy * power > 0.0 ? fmax(cross / sqrt(energy * power), 0.0) : 0.0;
 }
 
 /* The paper's l, equations of its section 3.5, of the first whole preamble in the window. */
@@ -274,13 +256,13 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, do
     const int strongest = placement->zone[0];
     placement->amplitude = amplitude.of[strongest];
     placement->noise = amplitude.noise[strongest];
+    placement->score = amplitude.score[strongest];
     placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
                       strongest, amplitude.of, amplitude.variance,
                       size_m / sensor->zone_pitch / placement->range_m, sensor->zone_blur);
     look_at(detector, &seen, first, strongest);
-    placement->score = score_of(&seen);
     placement->likelihood = likelihood_of(&seen, reading);
     placement->corrected_bits = corrected_bits(&seen, reading);
     int last = first + seen.rows - 1;
