@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.bench.recordings import log_uniform, reflected
 from evaluation.bench.room_markers import foreign_edges, foreign_ratio
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE, RANGING, SENSOR, WALL_SIGNAL
@@ -66,11 +67,6 @@ class Member(NamedTuple):
     """Whether it blinks: the rate of false IDs is reported, and not held to a budget."""
 
 
-def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generator) -> Floats:
-    low, high = np.log(bounds)
-    return np.exp(rng.uniform(low, high, size))
-
-
 def white(rng: np.random.Generator, signals: tuple[float, float] = (4.0, 600.0)) -> Source:
     """Return noise alone, in every zone at another level."""
     levels = rng.permutation(np.geomspace(*signals, _ZONES, dtype=np.float32))
@@ -97,8 +93,7 @@ def _walk(rng: np.random.Generator, *, step: float, heavy: bool = False) -> Sour
             # Of so many numbers some are rounded to zero.
             spread = np.maximum(rng.standard_exponential(shape, dtype=np.float32), 1e-9)
             steps /= np.sqrt(spread)
-        walked = last + np.cumsum(step * steps, axis=0, dtype=np.float64)
-        walked = high - np.abs((walked - low) % (2 * (high - low)) - (high - low))
+        walked = reflected(last + np.cumsum(step * steps, axis=0, dtype=np.float64), low, high)
         last[:] = walked[-1]
         scaled = (NOISE.slope / 2 * walked).astype(np.float32)
         return (scaled * scaled - np.float32(NOISE.floor)) / np.float32(NOISE.slope), None
@@ -124,10 +119,10 @@ def _held(
 def _course(frames: int, rng: np.random.Generator) -> tuple[Singles, Codes]:
     """Return signals and statuses of a zone where targets come and go, shape (frames,)."""
     turns = 2 + int(frames * _PERIOD_S / PRESENT_S[0])
-    lasting = _log_uniform(PRESENT_S, turns, rng) / _PERIOD_S
+    lasting = log_uniform(PRESENT_S, rng, turns) / _PERIOD_S
     edges = np.concatenate([[0.0], np.cumsum(lasting)]) - lasting[0] * rng.random()
     turns = int(np.searchsorted(edges, frames))
-    levels = _log_uniform(PRESENT_SIGNALS, turns, rng)
+    levels = log_uniform(PRESENT_SIGNALS, rng, turns)
     codes = np.where(rng.random(turns) < _MERGED, Status.MERGED, Status.VALID)
     # Every second one is absent.
     absent = np.arange(turns) % 2 == rng.integers(2)
@@ -232,9 +227,8 @@ def _hands(rng: np.random.Generator) -> Source:
         steps = _STEP_SCALE * np.exp(scales) * rng.standard_normal((frames, _ZONES))
         levels = _fading(steps, _LEVEL_MEMORY, level)
         scale[:], level[:] = scales[-1], levels[-1]
-        # Reflected at the bounds.
-        low, high = math.log(MIN_SIGNAL), math.log(MAX_SIGNAL)
-        received = np.exp(high - np.abs((_HOME + levels - low) % (2 * (high - low)) - (high - low)))
+        bounds = math.log(MIN_SIGNAL), math.log(MAX_SIGNAL)
+        received = np.exp(reflected(_HOME + levels, *bounds))
         status = _vanishing(frames, rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
         return received.astype(np.float32), status

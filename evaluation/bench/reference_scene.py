@@ -14,10 +14,10 @@ from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 
-def walls(range_m: float, grid: ZoneGrid) -> tuple[Surface, ...]:
+def walls(range_m: float, grid: ZoneGrid, signal: float = WALL_SIGNAL) -> tuple[Surface, ...]:
     """Return a background in every zone at the distance that the sensor reports for a range."""
     return tuple(
-        Surface(float(range_m * factor), WALL_SIGNAL, (zone,))
+        Surface(float(range_m * factor), signal, (zone,))
         for zone, factor in enumerate(grid.z_per_range)
     )
 
@@ -40,14 +40,13 @@ def marker_in_each_zone(
     starts = rng.uniform(*start_s, grid.zones)
     markers = tuple(
         Marker(
-            id=int(identity),
-            position_m=(float(place[0]), float(place[1]), float(place[2])),
-            name=f'marker_{identity}',
+            int(id_),
+            tuple(place_m.tolist()),
             size_m=size_m,
             start_s=float(start),
             packets=packets,
             response=RESPONSE,
         )
-        for identity, start, place in zip(ids, starts, range_m * grid.directions, strict=True)
+        for id_, start, place_m in zip(ids, starts, range_m * grid.directions, strict=True)
     )
     return Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m, grid))

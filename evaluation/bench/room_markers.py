@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.recordings import SILENCE_BITS, to_and_fro
+from evaluation.bench.recordings import SILENCE_BITS, log_uniform, to_and_fro
 from retrolidar_ros.marker.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.liquid_crystal import Response
@@ -111,9 +111,8 @@ def own_marker(
 
 def foreign_ratio(rng: np.random.Generator) -> float:
     """Return a bit period of a foreign marker, over ours."""
-    low, high = np.log(_FOREIGN_PERIODS)
     while True:
-        ratio = float(np.exp(rng.uniform(low, high)))
+        ratio = float(log_uniform(_FOREIGN_PERIODS, rng))
         if not _OWN_PERIODS[0] <= ratio <= _OWN_PERIODS[1]:
             return ratio
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.recordings import Sent, record, rng_at, signal_at
+from evaluation.bench.recordings import Sent, record, record_at, rng_at, signal_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import sweeps
 from evaluation.report.chart_style import (
@@ -91,12 +91,12 @@ def turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
 
 def _aside(angle_deg: float, rng: np.random.Generator) -> Sent:
     """Return one marker at 1 m, at an angle from the axis, half-way between two rows of zones."""
-    angle, signal = math.radians(angle_deg), signal_at(1.0)
+    angle = math.radians(angle_deg)
 
     def path(time_s: Floats) -> Floats:
         return np.tile([math.sin(angle), 0.0, math.cos(angle)], (len(time_s), 1))
 
-    return record(PLAIN, signal, rng, range_m=1.0, path=path)
+    return record_at(1.0, rng, path=path)
 
 
 def _lit(range_m: float, rng: np.random.Generator, *, light: float) -> Sent:

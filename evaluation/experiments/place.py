@@ -8,13 +8,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.places import ELLIPSOID, held, place_error, rms
-from evaluation.report.chart_style import (
-    OTHERS,
-    label,
-    legend_below,
-    line,
-    new_chart,
-)
+from evaluation.report.chart_style import OTHERS, label, legend_below, line, new_chart
 from evaluation.report.claims import NOTHING, Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS

@@ -9,14 +9,13 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.rates import nearest
-from evaluation.bench.reference_scene import marker_in_each_zone
+from evaluation.bench.reference_scene import marker_in_each_zone, walls
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
 
@@ -32,17 +31,6 @@ _KINDS = {
     'board': 'bare board',
 }
 _LOOKS = {'silent': {'color': '0.4', 'marker': 's'}, 'board': {'color': OTHERS[1], 'marker': '^'}}
-
-
-def board(range_m: float) -> Scene:
-    """Return a bare board in every zone and nothing else."""
-    return Scene(
-        sensor=SENSOR,
-        surfaces=tuple(
-            Surface(float(range_m * factor), board_signal(range_m), (zone,))
-            for zone, factor in enumerate(_GRID.z_per_range)
-        ),
-    )
 
 
 def mean_errors_m(scene: Scene, range_m: float, rng: np.random.Generator) -> Floats:
@@ -69,7 +57,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 errors[method] += [one.place.range_m - range_m for one in own]
             still = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S))
             errors['silent'] += mean_errors_m(still, range_m, rng).tolist()
-            errors['board'] += mean_errors_m(board(range_m), range_m, rng).tolist()
+            board = Scene(sensor=SENSOR, surfaces=walls(range_m, _GRID, board_signal(range_m)))
+            errors['board'] += mean_errors_m(board, range_m, rng).tolist()
         sizes = {kind: _summed(found) for kind, found in errors.items()}
         points.append({'range_m': range_m, **sizes})
     return {'points': points}

@@ -15,7 +15,7 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judge_all, read_of
 from evaluation.bench.rates import LEVEL
-from evaluation.bench.recordings import record, signal_at
+from evaluation.bench.recordings import record_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.report.chart_style import WRONG, draw_reads, label, legend_below, look, new_chart
 from retrolidar_ros.detector import METHODS
@@ -37,9 +37,8 @@ def read(
 ) -> dict[str, Any]:
     """Return what methods read at a value of a panel under a condition."""
     range_m, repeats = where
-    repeated_s = REPEATED_S if repeats else None
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': repeated_s}
-    make = partial(record, panel.stress(panel.values[index]), signal_at(range_m), **how)
+    stress, repeated_s = panel.stress(panel.values[index]), REPEATED_S if repeats else None
+    make = partial(record_at, range_m, stress=stress, repeated_s=repeated_s)
     rng, variants = np.random.default_rng([seed, index]), {name: BOTH[name] for name in names}
     found = judge_all(make, recordings, rng, variants, lone=not repeats)
     return {name: read_of(rows) for name, rows in found.items()}

@@ -10,8 +10,7 @@ import numpy as np
 
 from evaluation.bench.following import SECONDS_S, play, shared_figures, two_in_a_zone
 from evaluation.bench.places import held, place_error, rms, rms_mm
-from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import record_at
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, View, read_pictures
@@ -33,8 +32,7 @@ _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a s
 def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a marker's packets and tracks while it moves."""
     path = WAYS[way](speed_m_s, range_m, rng)
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
-    sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
+    sent = record_at(range_m, rng, path=path, repeated_s=DURATION_S)
     _, steps = play(sent.recording)
 
     def error(one: Any) -> Any:
