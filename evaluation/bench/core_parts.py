@@ -226,11 +226,6 @@ def check_parts() -> None:
         raise ValueError(f'of core_parts, the core has not once: {"; ".join(gone)}')
 
 
-def use_core_without(names: tuple[str, ...]) -> None:
-    """Compile the core without some parts, and make this process use it; see `use_core_with`."""
-    use_core_with([PARTS[name] for name in names])
-
-
 def use_core_with(changes: Sequence[Part]) -> None:
     """Compile the core with some lines changed, and make this process use it.
 
@@ -297,7 +292,7 @@ def _objects(folder: Path, sources: dict[str, str]) -> list[str]:
 
 
 def lines_of_core() -> int:
-    """Return how many lines of the core that `use_core_without` compiled have become code."""
+    """Return how many lines of the core that `use_core_with` compiled have become code."""
     command = ['objdump', '--dwarf=decodedline', str(sys.modules[_MODULE].__file__)]
     text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
     return len(set(re.findall(r'^(retrolidar_\w+\.c) +(\d+) ', text, re.MULTILINE)))

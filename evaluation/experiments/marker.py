@@ -115,19 +115,18 @@ def _mv(volts: float) -> str:
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the model's values."""
-    lives, volts = figures['once_an_hour_h'], figures['at_1_m_v']
-    narrow = figures['narrow_m']
+    lives = figures['once_an_hour_h']
     return {
         'two-months': model(_days(lives['prototype'])),
         'two-years': model(_days(figures['mean_of_100_ua_h'])),
         'cheap-looks': model(_days(lives['100 µA in detection'])),
         'active': model(f'{figures["two_years_active_ma"]:.1f} mA'),
-        'powers': model(_mv(volts)),
+        'powers': model(_mv(figures['at_1_m_v'])),
         'voltages': model(_mv(figures['voltages_added_at_1_m_v'])),
         'outdoors': model(f'always awake, {figures["awake_h"]:.0f} h'),
         'guard': model(_mv(figures['amplifier']['guard_v'])),
         'woken': model(f'{figures["amplifier"]["false_per_hour"]:.0f}'),
-        'narrow': model(f'at most {narrow:.1f} m'),
+        'narrow': model(f'at most {figures["narrow_m"]:.1f} m'),
     }
 
 
