@@ -66,14 +66,18 @@ def _detections(options: Options, member: Member, hours: float, seed: int) -> li
     return watch(detector, member.blocks(3600 * hours, rng))
 
 
+def _counted(options: Options, member: Member, hours: float, seed: int) -> Frequency:
+    return frequency(len(_detections({'method': 'joint', **options}, member, hours, seed)), hours)
+
+
 def _by_budget(seed: int, share: float, budget: float) -> dict[str, Frequency]:
-    found, options = {}, {'method': 'joint', KNOBS['joint']: budget}
+    found = {}
     for member in FAMILY:
         if budget in BUDGETS_H:
             hours = share * BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
         else:
             hours = share * SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
-        found[member.name] = frequency(len(_detections(options, member, hours, seed)), hours)
+        found[member.name] = _counted({KNOBS['joint']: budget}, member, hours, seed)
     return found
 
 
@@ -101,21 +105,18 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     }
     seed = int(rng.integers(2**32))
     budgets = {one: _by_budget(seed, share, one) for one in (*BUDGETS_H, SHIPPED['joint'])}
-    methods: dict[str, list[dict[str, Any]]] = {}
+    methods: dict[str, list[dict[str, Any]]] = {'joint': [], 'paper': []}
     for method, counted in {'joint': budgets, 'paper': _by_threshold(seed, share)}.items():
-        methods[method] = []
         for knob, members in counted.items():
             options = {'method': method, KNOBS[method]: knob}
             read = {at: read_of([judged(one, options) for one in of]) for at, of in sent.items()}
             methods[method].append({'knob': knob, 'members': members, 'read': read})
-    hours = share * WHITE_H
     settings: dict[str, Options] = {
         f'budget of {WHITE_BUDGET:g} an hour': {KNOBS['joint']: WHITE_BUDGET},
         **{f'{n} IDs registered': {'registered_ids': choose_ids(n)[0]} for n in REGISTERED},
     }
     before_white = {
-        name: frequency(len(_detections({'method': 'joint', **one}, FAMILY[0], hours, seed)), hours)
-        for name, one in settings.items()
+        name: _counted(one, FAMILY[0], share * WHITE_H, seed) for name, one in settings.items()
     }
     return {'methods': methods, 'before_white': before_white, 'silent': _silent(seed, share)}
 
@@ -151,13 +152,15 @@ def grouped(point: dict[str, Any], group: str) -> Frequency:
 def table(figures: dict[str, Any]) -> Table:
     """Return false IDs an hour as shipped, with their exact 95 % confidence."""
     points = [shipped(figures, method) for method in METHODS]
-    rows = {name: [grouped(point, name) for point in points] for name in (*GROUPS, STILL)}
-    rows |= {f'white, {name}': [one] for name, one in figures['before_white'].items()}
-    table = [['false IDs an hour (95 %), as shipped', *METHODS]]
-    for name, row in rows.items():
-        cells = [per_hour(one) for one in row]
-        table.append([name, *cells, *[''] * (2 - len(cells))])
-    return table
+    white = figures['before_white'].items()
+    return [
+        ['false IDs an hour (95 %), as shipped', *METHODS],
+        *(
+            [name, *(per_hour(grouped(point, name)) for point in points)]
+            for name in (*GROUPS, STILL)
+        ),
+        *([f'white, {name}', per_hour(one), ''] for name, one in white),
+    ]
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -175,8 +178,7 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     """Draw identification over the false IDs of a group, with the confidence of these."""
     for method in METHODS:
         for at, face in zip(_RANGES_M, _FACES, strict=True):
-            how = look(method) | {'markerfacecolor': face}
-            points = figures['methods'][method]
+            how, points = look(method) | {'markerfacecolor': face}, figures['methods'][method]
             found = [grouped(point, group) for point in points]
             shares = [100 * point['read'][f'{at:g}']['right']['rate'] for point in points]
             # Without any false ID, only the upper bound is known.

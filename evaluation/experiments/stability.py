@@ -7,7 +7,6 @@ without the stress. It is found by bisection.
 """
 
 import itertools
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -103,18 +102,14 @@ def _falls(panel: dict[str, Any]) -> bool:
     return bool(panel['points'][0]['place'] > panel['points'][-1]['place'])
 
 
-def _message(panels: Sequence[dict[str, Any]]) -> str:
-    better = sum(_tolerated(panel, 'joint') > _tolerated(panel, 'paper') for panel in panels)
-    return (
-        f"The default tolerates {better} of {len(panels)} stresses better than the paper's method"
-    )
-
-
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a pair of bars for every stress: how much of it both methods tolerate."""
     panels = sorted(figures['panels'], key=lambda panel: _tolerated(panel, 'joint'))
-    figure, (axis,) = new_chart(1, 1, 1.6 + 0.46 * len(panels), _message(panels))
-    places = np.arange(len(panels))
+    better = sum(_tolerated(panel, 'joint') > _tolerated(panel, 'paper') for panel in panels)
+    count = len(panels)
+    title = f"The default tolerates {better} of {count} stresses better than the paper's method"
+    figure, (axis,) = new_chart(1, 1, 1.6 + 0.46 * count, title)
+    places = np.arange(count)
     for method, shift in zip(METHODS, (0.2, -0.2), strict=True):
         shares = [100 * _tolerated(panel, method) for panel in panels]
         axis.barh(places + shift, shares, 0.38, color=look(method)['color'])

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracks of markers that move: their errors at every frame."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -38,22 +39,18 @@ def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator
     def error(one: Any) -> Any:
         return place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
 
+    detections = [one for step in steps for one in step.detections if one.id == sent.ids[0]]
     own = [one for step in steps for one in step.tracks if one.id == sent.ids[0]]
-    detections = [one for step in steps for one in step.detections]
     began_ns = min((one.stamp_ns for one in own), default=0)
-    settled = [one for one in own if one.stamp_ns - began_ns > 1e9 * _SETTLED_S]
-    errors = [error(one) for one in settled]
-    bright = [index for index, one in enumerate(settled) if one.last_ns == one.stamp_ns]
+    settled = [(one, error(one)) for one in own if one.stamp_ns - began_ns > 1e9 * _SETTLED_S]
+    bright = [wrong.range_m for one, wrong in settled if one.last_ns == one.stamp_ns]
     frames = sum(1e-9 * (int(at) - began_ns) > _SETTLED_S for at in sent.recording.stamp_ns)
     return {
-        'packets': [error(one).range_m for one in detections if one.id == sent.ids[0]],
-        'bright': [errors[index].range_m for index in bright],
-        'all': [one.range_m for one in errors],
-        'pull': [
-            one.range_m / track.place.range_stddev_m
-            for one, track in zip(errors, settled, strict=True)
-        ],
-        'squared': [one.squared_distance for one in errors],
+        'packets': [error(one).range_m for one in detections],
+        'bright': bright,
+        'all': [wrong.range_m for _, wrong in settled],
+        'pull': [wrong.range_m / one.place.range_stddev_m for one, wrong in settled],
+        'squared': [wrong.squared_distance for _, wrong in settled],
         'updates_hz': len(bright) / max(frames * SENSOR.period_s, 1e-9),
     }
 
@@ -74,28 +71,18 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors over speed for packets, tracks and a tag."""
     runs = 1 if quick else _RUNS
     curves = []
-    for way in WAYS:
-        for range_m in RANGES_M:
-            points = [
-                {'speed_m_s': at, **_sum([_moving(way, at, range_m, rng) for _ in range(runs)])}
-                for at in _SPEEDS_M_S
-            ]
-            curves.append({'way': way, 'range_m': range_m, 'points': points})
-    shared = [
-        {
-            'apart_m': apart_m,
-            'begins': begins,
-            **shared_figures(
-                [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
-            ),
-        }
-        for begins in SECONDS_S
-        for apart_m in _APART_M
-    ]
-    tags = [AprilTagReader()]
+    for way, range_m in itertools.product(WAYS, RANGES_M):
+        points = [
+            {'speed_m_s': at, **_sum([_moving(way, at, range_m, rng) for _ in range(runs)])}
+            for at in _SPEEDS_M_S
+        ]
+        curves.append({'way': way, 'range_m': range_m, 'points': points})
+    shared = []
+    for begins, apart_m in itertools.product(SECONDS_S, _APART_M):
+        two = [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
+        shared.append({'apart_m': apart_m, 'begins': begins, **shared_figures(two)})
     background = Background(rng)
-    pictures = 5 if quick else _PICTURES
-    read = partial(read_pictures, tags, background, pictures, rng)
+    read = partial(read_pictures, [AprilTagReader()], background, 5 if quick else _PICTURES, rng)
     seen = {
         words: [
             read(View(RANGES_M[0], speed_m_s=at, longest_s=longest_s))[APRILTAG]
@@ -153,12 +140,8 @@ def shared_table(figures: dict[str, Any]) -> Table:
 
 def points_at(figures: dict[str, Any], way: str) -> list[dict[str, Any]]:
     """Return the points of one way at the first distance."""
-    points: list[dict[str, Any]] = next(
-        one['points']
-        for one in figures['curves']
-        if (one['way'], one['range_m']) == (way, RANGES_M[0])
-    )
-    return points
+    found: dict[str, Any] = next(one for one in figures['curves'] if one['way'] == way)
+    return list(found['points'])
 
 
 def _message(figures: dict[str, Any]) -> str:
