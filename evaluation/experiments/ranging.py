@@ -73,24 +73,21 @@ def claims(figures: dict[str, Any]) -> Claims:
 
     places = [one['range_m'] for one in figures['points'][:-1]]
     below = [max(at(place, kind) for place in places) for kind in BOTH_CLAIMED]
-    far, board_mm = [at(2.6, kind) for kind in BOTH_CLAIMED], at(2.0, 'board')
     return {
         'near': claim_of(as_text(one, 'mm', 1) for one in below),
-        'far': claim_of(as_text(one, 'mm', 1) for one in far),
-        'board': model(as_text(board_mm, 'mm', 1)),
+        'far': claim_of(as_text(at(2.6, kind), 'mm', 1) for kind in BOTH_CLAIMED),
+        'board': model(as_text(at(2.0, 'board'), 'mm', 1)),
     }
 
 
 def _message(figures: dict[str, Any]) -> str:
-    near, far = figures['points'][0], figures['points'][-1]
-
-    def words(point: dict[str, Any], kind: str) -> str:
-        return as_text(point[kind]['median_mm'], 'mm', 1)
-
+    ends = near, far = figures['points'][0], figures['points'][-1]
+    ours, papers = (
+        [as_text(point[kind]['median_mm'], 'mm', 1) for point in ends] for kind in METHODS
+    )
     return (
-        f'Ranges are {words(near, "joint")} off at {near["range_m"]:g} m and '
-        f"{words(far, 'joint')} at {far['range_m']:g} m; by the paper's method, "
-        f'{words(near, "paper")} and {words(far, "paper")}'
+        f'Ranges are {ours[0]} off at {near["range_m"]:g} m and {ours[1]} at '
+        f"{far['range_m']:g} m; by the paper's method, {papers[0]} and {papers[1]}"
     )
 
 
