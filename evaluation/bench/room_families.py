@@ -80,8 +80,8 @@ def ten_packets(signal: float, rng: np.random.Generator) -> Room:
     for direction in SENSOR.grid.directions:
         course = Course('still', _range_of(signal) * direction)
         begin_s = PACKET_S * (1.5 + rng.random())
-        bit_s = _bit_s(rng)
-        markers.append(own_marker('sequence', course, bit_s, begin_s, begin_s + lasting_s, rng))
+        ends_s = (begin_s, begin_s + lasting_s)
+        markers.append(own_marker('sequence', course, _bit_s(rng), *ends_s, rng))
     return _room(duration_s, *markers)
 
 
@@ -89,12 +89,9 @@ def appearing(signal: float, rng: np.random.Generator) -> Room:
     """Return one marker that repeats, and appears in mid-packet."""
     zone = int(rng.integers(SENSOR.grid.zones))
     course = Course('still', _anywhere(zone, _range_of(signal), rng))
-    until_s = _APPEARS_S + _WATCHED_S
-    present_s = (_APPEARS_S, math.inf)
+    until_s, there = _APPEARS_S + _WATCHED_S, {'present_s': (_APPEARS_S, math.inf)}
     begin_s = _begun_s(rng)
-    marker = own_marker(
-        'repeating', course, _bit_s(rng), begin_s, until_s, rng, present_s=present_s
-    )
+    marker = own_marker('repeating', course, _bit_s(rng), begin_s, until_s, rng, **there)
     return _room(until_s, marker)
 
 
@@ -121,11 +118,6 @@ def first_id_s(room: Room, registered: int | None, rng: np.random.Generator) -> 
         others = rng.choice(USABLE_IDS[own != USABLE_IDS], registered - 1, replace=False)
         ids = np.append(others, own)
     detector = create_detector('joint', recording.grid, registered_ids=ids)
-    first_s, wrong = math.inf, 0
-    for frame in recording:
-        for one in detector.update(frame):
-            if one.id == own:
-                first_s = min(first_s, frame.stamp_ns * 1e-9 - _APPEARS_S)
-            else:
-                wrong += 1
-    return first_s, wrong
+    found = [(frame.stamp_ns, one.id) for frame in recording for one in detector.update(frame)]
+    times_s = [1e-9 * stamp_ns - _APPEARS_S for stamp_ns, id_ in found if id_ == own]
+    return min(times_s, default=math.inf), len(found) - len(times_s)
