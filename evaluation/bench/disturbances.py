@@ -139,8 +139,7 @@ def _targets(rng: np.random.Generator) -> Source:
     """Return targets that come and go, with levels and durations of their own, before a wall."""
 
     def advance(frames: int) -> tuple[Singles, Codes]:
-        courses = [_course(frames, rng) for _ in range(_ZONES)]
-        signals, statuses = zip(*courses, strict=True)
+        signals, statuses = zip(*(_course(frames, rng) for _ in range(_ZONES)), strict=True)
         return np.stack(signals, axis=1), np.stack(statuses, axis=1)
 
     return advance
@@ -158,38 +157,37 @@ def _target(rng: np.random.Generator) -> Source:
     return advance
 
 
+def _each_zone(zone: Callable[[int], Singles]) -> Source:
+    """Return what blinks before a wall, in every zone by itself and anew in each block."""
+    wall = np.float32(WALL_SIGNAL)
+    return lambda frames: (np.stack([zone(frames) for _ in range(_ZONES)], axis=1) + wall, None)
+
+
 def _blinking(rng: np.random.Generator, *, levels: bool = False) -> Source:
     """Return random bits at the markers' bit clock, or a random level for each bit."""
     bit_frames = BIT_PERIOD_S / _PERIOD_S
 
-    def advance(frames: int) -> tuple[Singles, None]:
-        """Return the next signals; every zone has another phase in each block."""
+    def zone(frames: int) -> Singles:
         bits = 2 + int(frames / bit_frames)
-        edges = bit_frames * np.arange(bits + 1)
-        signals = np.empty((frames, _ZONES), dtype=np.float32)
-        for zone in range(_ZONES):
-            drawn = rng.random(bits)
-            values = BLINKING_SIGNAL * (drawn if levels else drawn < 0.5)
-            signals[:, zone] = _held(values, edges - bit_frames * rng.random(), frames)[0]
-        return signals + np.float32(WALL_SIGNAL), None
+        drawn = rng.random(bits)
+        values = BLINKING_SIGNAL * (drawn if levels else drawn < 0.5)
+        edges = bit_frames * np.arange(bits + 1) - bit_frames * rng.random()
+        return _held(values, edges, frames)[0]
 
-    return advance
+    return _each_zone(zone)
 
 
 def _foreign(rng: np.random.Generator, *, sending: str) -> Source:
     """Return foreign markers that repeat, one in every zone, others in each block."""
 
-    def advance(frames: int) -> tuple[Singles, None]:
-        signals = np.empty((frames, _ZONES), dtype=np.float32)
-        until_s = frames * _PERIOD_S
-        for zone in range(_ZONES):
-            bit_s = BIT_PERIOD_S * (foreign_ratio(rng) if sending == 'period' else 1.0)
-            begin_s = -PACKET_BITS * bit_s * rng.random()
-            edges_s, levels = foreign_edges(sending, bit_s, begin_s, until_s, rng)
-            signals[:, zone] = _held(levels[:-1], edges_s / _PERIOD_S, frames)[0]
-        return np.float32(BLINKING_SIGNAL) * signals + np.float32(WALL_SIGNAL), None
+    def zone(frames: int) -> Singles:
+        bit_s = BIT_PERIOD_S * (foreign_ratio(rng) if sending == 'period' else 1.0)
+        begin_s = -PACKET_BITS * bit_s * rng.random()
+        edges_s, levels = foreign_edges(sending, bit_s, begin_s, frames * _PERIOD_S, rng)
+        means = _held(levels[:-1], edges_s / _PERIOD_S, frames)[0]
+        return np.float32(BLINKING_SIGNAL) * means
 
-    return advance
+    return _each_zone(zone)
 
 
 def _fading(steps: Floats, memory: float, before: Floats) -> Floats:
@@ -240,9 +238,9 @@ def _sensed(
     signal: Singles, status: Codes | None, begin: int, rng: np.random.Generator
 ) -> Recording:
     """Return signals without noise, shape (frames, zones), as frames of the sensor."""
-    shape, seen = signal.shape, np.maximum(signal, MIN_SIGNAL)
-    distance = np.minimum(_NEAR_M * np.sqrt(_NEAR_SIGNAL / seen), _FAR_M)
-    spread = np.hypot(RANGING.shot / seen, RANGING.floor)
+    shape, light = signal.shape, np.maximum(signal, MIN_SIGNAL)
+    distance = np.minimum(_NEAR_M * np.sqrt(_NEAR_SIGNAL / light), _FAR_M)
+    spread = np.hypot(RANGING.shot / light, RANGING.floor)
     distance += spread * rng.standard_normal(shape, dtype=np.float32)
     sigma = np.sqrt(NOISE.floor + NOISE.slope * signal)
     signal = np.maximum(signal + sigma * rng.standard_normal(shape, dtype=np.float32), 0)
@@ -253,10 +251,8 @@ def _sensed(
     distance[none] = np.nan
     sequence = np.arange(begin, begin + shape[0])
     time_us = np.rint((sequence + 0.5) * _PERIOD_S * 1e6).astype(np.int64)
-    ambient = np.zeros(shape, dtype=np.float32)
-    return Recording(
-        time_us * 1000, sequence, time_us, SENSOR.grid, distance, signal, ambient, status
-    )
+    seen = distance, signal, np.zeros(shape, dtype=np.float32), status
+    return Recording(time_us * 1000, sequence, time_us, SENSOR.grid, *seen)
 
 
 def source_blocks(
@@ -268,7 +264,7 @@ def source_blocks(
         yield _sensed(*advance(min(BLOCK_FRAMES, total - begin)), begin, rng)
 
 
-# Yield the frames of hands that never rest, and of a bare wall, for a duration [s].
+# Yield frames for a duration [s].
 restless_blocks = partial(source_blocks, _hands)
 wall_blocks = partial(source_blocks, partial(white, signals=(WALL_SIGNAL, WALL_SIGNAL)))
 _SOURCES: dict[str, Callable[[np.random.Generator], Source]] = {
