@@ -17,8 +17,7 @@ import numpy as np
 from evaluation.bench.disturbances import FAMILY, Member, source_blocks, white
 from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
-from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import record_at
 from evaluation.report.chart_style import label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
 from retrolidar_ros.detector import METHODS, Detection, create_detector
@@ -99,10 +98,7 @@ def _by_threshold(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return identification of lone packets and false IDs an hour over the methods' knobs."""
     share = _QUICK_SHARE if quick else 1.0
-    sent = {
-        f'{at:g}': [record(PLAIN, signal_at(at), rng) for _ in range(1 if quick else 6)]
-        for at in _RANGES_M
-    }
+    sent = {f'{at:g}': [record_at(at, rng) for _ in range(1 if quick else 6)] for at in _RANGES_M}
     seed = int(rng.integers(2**32))
     budgets = {one: _by_budget(seed, share, one) for one in (*BUDGETS_H, SHIPPED['joint'])}
     methods: dict[str, list[dict[str, Any]]] = {'joint': [], 'paper': []}

@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.bench.judging import read_by_both
 from evaluation.bench.rates import rate
-from evaluation.bench.recordings import record, signal_at
+from evaluation.bench.recordings import record_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.report.chart_style import (
     draw_level,
@@ -79,7 +79,7 @@ def _pairs(share: float, rng: np.random.Generator) -> dict[str, Any]:
     counts = {method: np.zeros(3, dtype=int) for method in METHODS}
     pairs = 0
     for _ in range(_RECORDINGS):
-        sent = record(replace(PLAIN, second=share), signal_at(1.3), rng, repeated_s=WATCHED_S)
+        sent = record_at(1.3, rng, replace(PLAIN, second=share), repeated_s=WATCHED_S)
         assert sent.seconds is not None
         pairs += len(sent.ids)
         for method, found in read_by_both(sent.recording).items():

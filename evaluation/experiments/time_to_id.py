@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, Options, judged
 from evaluation.bench.rates import LEVEL, nearest
-from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import SILENCE_BITS, Sent, record_at
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, read_over_distance
 from evaluation.report.chart_style import draw_level, label, line, look, name_curve, new_chart
@@ -43,7 +42,7 @@ _NEVER = f'>{TIMEOUT_S:.0f} s'
 
 def appearing(range_m: float, rng: np.random.Generator) -> Sent:
     """Return markers that have always been sending and come into view at `VIEW_S`."""
-    sent = record(PLAIN, signal_at(range_m), rng, repeated_s=VIEW_S + TIMEOUT_S)
+    sent = record_at(range_m, rng, repeated_s=VIEW_S + TIMEOUT_S)
     return _dark(sent, sent.recording.stamp_ns[:, None] < VIEW_S * 1e9, rng)
 
 
