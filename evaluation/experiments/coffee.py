@@ -176,21 +176,18 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw how long the task takes, and errors of range, a bar for each way."""
     rows = [figures['methods'][way] for way in ('joint', 'tracks')]
     off_mm = [_median_mm(one) or 0.0 for one in rows]
     gain = 'tracks gain nothing'
     if off_mm[1] < off_mm[0]:
         gain = f'tracks are {off_mm[1]:.1f} mm off instead of {off_mm[0]:.1f} mm'
-    return (
+    title = (
         f'An arm places three objects in {rows[0]["by_range"]["mean_s"]:.1f} s; with tags, in '
         f'{figures["tags"]["mean_s"]:.1f} s; {gain}'
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw how long the task takes, and errors of range, a bar for each way."""
-    figure, (times, wrong) = new_chart(2, 2, 3.6, _message(figures))
+    figure, (times, wrong) = new_chart(2, 2, 3.6, title)
     bars = _looks(figures)[::-1]
     for place, (_, kind, row) in enumerate(bars):
         for axis, value in ((times, row['mean_s']), (wrong, _median_mm(row))):

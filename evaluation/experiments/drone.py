@@ -112,18 +112,15 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw windows with a reading, frames followed, and errors of place, over speed and shadow."""
     row = max(figures['faster'], key=lambda one: one['joint']['off_mm'] or 0.0)
     packets, tracks = (as_text(row['joint'][name], 'mm', 0) for name in ('off_mm', 'followed_mm'))
-    return (
+    title = (
         f'At {row["speed_m_s"]:g} m/s, the worst speed, a drone is {packets} from its last packet, '
         f'and {tracks} from its track (medians)'
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw windows with a reading, frames followed, and errors of place, over speed and shadow."""
-    figure, panels = new_chart(6, 2, 9, _message(figures))
+    figure, panels = new_chart(6, 2, 9, title)
     axes = (
         ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),
         ('darker', 'hidden', 100, 'hidden by the rotor [% of the time]'),

@@ -130,20 +130,17 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
     wakes = as_text(figures['wakes_to_m']['indoors'])
     # Where the noise that passes the first amplifier is all there is.
     hourly_m = float(np.interp(AMPLIFIER_HZ, figures['bandwidths_hz'], figures['safe_m']))
     lives = _days(figures['once_an_hour_h']['prototype'])
-    return (
+    title = (
         f"With the paper's guard a marker wakes to {wakes} indoors, with one false wake-up an hour "
         f'to {hourly_m:.1f} m; with a packet an hour its battery lasts {lives}'
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, (volts, reach, life) = new_chart(3, 2, 7.4, _message(figures))
+    figure, (volts, reach, life) = new_chart(3, 2, 7.4, title)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'{angle}°')

@@ -142,17 +142,14 @@ def claims(figures: dict[str, Any]) -> Claims:
     return {'range': model(f'{median_mm:.1f} mm of range')}
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw the distribution of bearing errors, and of distances in standard deviations."""
     blurs = figures['blurs']
     off = {name: as_text(one, '°', 1) for name, one in blurs[0]['bearing_rms_deg'].items()}
     holds = [one['rate'] for row in blurs for one in row['ellipsoid_holds'].values() if one]
     words = f'Bearings are {off["between"]} off between zones (rms), {off["alone"]} in one zone'
-    return f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, panels = new_chart(2, 2, 4.6, _message(figures))
+    title = f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
+    figure, panels = new_chart(2, 2, 4.6, title)
     axes = (
         ('bearing_deg', 'error of the bearing [°]', 8),
         ('distance', 'distance from the truth [deviations]', 5),

@@ -80,20 +80,17 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw median and 95 % errors over distance."""
     ends = near, far = figures['points'][0], figures['points'][-1]
     ours, papers = (
         [as_text(point[kind]['median_mm'], 'mm', 1) for point in ends] for kind in METHODS
     )
-    return (
+    title = (
         f'Ranges are {ours[0]} off at {near["range_m"]:g} m and {ours[1]} at '
         f"{far['range_m']:g} m; by the paper's method, {papers[0]} and {papers[1]}"
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw median and 95 % errors over distance."""
-    figure, (axis,) = new_chart(1, 1, 5, _message(figures))
+    figure, (axis,) = new_chart(1, 1, 5, title)
     places = [one['range_m'] for one in figures['points']]
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)

@@ -193,18 +193,15 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     axis.margins(x=0.13)
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw identification over false IDs, a panel for each kind of scene."""
     ours, paper = (grouped(shipped(figures, method), STILL) for method in METHODS)
     seen = f'{ours["per_hour"]:.2g} an hour' if ours['events'] else 'none seen'
-    return (
+    title = (
         f'False IDs as shipped, where nothing blinks: {seen}, at most '
         f"{ours['high']:.2g} an hour; by the paper's method {paper['per_hour']:.0f}"
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw identification over false IDs, a panel for each kind of scene."""
-    figure, panels = new_chart(4, 2, 7.6, _message(figures))
+    figure, panels = new_chart(4, 2, 7.6, title)
     for axis, group in zip(panels, GROUPS, strict=True):
         _draw_group(axis, figures, group)
         x, y = 'false IDs an hour, 16 zones', 'lone packets identified [%]'

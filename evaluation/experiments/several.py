@@ -117,16 +117,13 @@ def claims(figures: dict[str, Any]) -> Claims:
     }
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw the rates of the arrangements, and of two in a zone over their ratio."""
     three = min(one['rate'] for row in figures['three'] for one in row['joint']['read'])
     two = [row['joint']['both']['rate'] for row in figures['two']]
     pair = f'both of two in one zone in {min(two):.0%} to {max(two):.0%}'
-    return f'Each of three markers is read in {three:.0%} of the trials, {pair}'
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw the rates of the arrangements, and of two in a zone over their ratio."""
-    figure, (three, two) = new_chart(2, 2, 4.8, _message(figures))
+    title = f'Each of three markers is read in {three:.0%} of the trials, {pair}'
+    figure, (three, two) = new_chart(2, 2, 4.8, title)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):

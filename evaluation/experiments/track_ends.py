@@ -48,22 +48,19 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'ranges_m': _RANGES_M, 'rows': rows}
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw the time until tracks end, and how often they end falsely, over the bits unseen."""
     used = next(one for one in figures['rows'] if one['gone_bits'] == _USED_BITS)
     vanished, bright = (
         f'{max(one[-1] for one in used["ends"][end]):.2f} s' for end in ('vanished', 'stays bright')
     )
-    return (
+    title = (
         f'95 of 100 markers that vanish are dropped within {vanished}, '
         f'that stay bright within {bright}'
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw the time until tracks end, and how often they end falsely, over the bits unseen."""
     rows = figures['rows']
     bits = [one['gone_bits'] for one in rows]
-    figure, (times, ends) = new_chart(2, 2, 4.2, _message(figures))
+    figure, (times, ends) = new_chart(2, 2, 4.2, title)
     for colour, name in zip(OTHERS, ENDS, strict=False):
         times.plot([], [], color=colour, label=name)
         for index, style in enumerate('-:'):
