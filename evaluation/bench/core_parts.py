@@ -229,12 +229,7 @@ def check_parts() -> None:
 def use_core_with(changes: Sequence[Part]) -> None:
     """Compile the core with some lines changed, and make this process use it.
 
-    Raises
-    ------
-    ValueError
-        If the core has no such line any longer, or has it more than once.
-    RuntimeError
-        If the product's core has been imported already.
+    Raises ValueError if the core has a line not once, RuntimeError if it is imported already.
     """
     if _MODULE in sys.modules:
         raise RuntimeError('a core has been imported already')
@@ -265,9 +260,8 @@ def use_core_with(changes: Sequence[Part]) -> None:
     spec = spec_from_file_location('_core', ffi.compile(tmpdir=str(folder)))
     assert spec is not None
     assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    sys.modules[_MODULE] = module
+    sys.modules[_MODULE] = module_from_spec(spec)
+    spec.loader.exec_module(sys.modules[_MODULE])
 
 
 def _objects(folder: Path, sources: dict[str, str]) -> list[str]:
@@ -278,16 +272,15 @@ def _objects(folder: Path, sources: dict[str, str]) -> list[str]:
     headers = ''.join(text for file, text in sources.items() if file.endswith('.h'))
     _OBJECTS.mkdir(exist_ok=True)
     objects = []
-    for file, text in sources.items():
-        if file.endswith('.c'):
-            content = '\0'.join([*flags, headers, file, text])
-            kept = _OBJECTS / f'{sha256(content.encode()).hexdigest()}.o'
-            if not kept.exists():
-                made = folder / f'{file}.o'
-                command = ['cc', *flags, '-c', str(folder / file), '-o', str(made)]
-                subprocess.run(command, check=True)
-                made.replace(kept)
-            objects.append(str(kept))
+    for file in (file for file in sources if file.endswith('.c')):
+        content = '\0'.join([*flags, headers, file, sources[file]])
+        kept = _OBJECTS / f'{sha256(content.encode()).hexdigest()}.o'
+        if not kept.exists():
+            made = folder / f'{file}.o'
+            command = ['cc', *flags, '-c', str(folder / file), '-o', str(made)]
+            subprocess.run(command, check=True)
+            made.replace(kept)
+        objects.append(str(kept))
     return objects
 
 
