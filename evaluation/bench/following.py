@@ -107,7 +107,7 @@ def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
 
 
 SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
-"""When the second marker begins to send [s], by name."""
+"""When the second marker begins to send [s]."""
 _ZONE = 9
 _OFF_ZONES = 0.3  # markers are so far from the middle of the zone, at most
 _WALL_M = 0.1  # behind the first
@@ -155,8 +155,7 @@ def two_in_a_zone(
 
 def shared_figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the statistics of several runs of `two_in_a_zone`."""
-    errors_m = [value for one in runs for value in one['errors_m']]
-    both = [value for one in runs for value in one['both']]
+    errors_m, both = ([value for one in runs for value in one[of]] for of in ('errors_m', 'both'))
     hours = sum(one['hours'] for one in runs)
     return {
         'median_mm': median_mm(errors_m),
