@@ -50,15 +50,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the time until tracks end, and how often they end falsely, over the bits unseen."""
-    used = next(one for one in figures['rows'] if one['gone_bits'] == _USED_BITS)
-    vanished, bright = (
-        f'{max(one[-1] for one in used["ends"][end]):.2f} s' for end in ('vanished', 'stays bright')
-    )
-    title = (
-        f'95 of 100 markers that vanish are dropped within {vanished}, '
-        f'that stay bright within {bright}'
-    )
     rows = figures['rows']
+    used = next(one['ends'] for one in rows if one['gone_bits'] == _USED_BITS)
+    vanished, bright = (max(one[-1] for one in used[end]) for end in ('vanished', 'stays bright'))
+    title = (
+        f'95 of 100 markers that vanish are dropped within {vanished:.2f} s, '
+        f'that stay bright within {bright:.2f} s'
+    )
     bits = [one['gone_bits'] for one in rows]
     figure, (times, ends) = new_chart(2, 2, 4.2, title)
     for colour, name in zip(OTHERS, ENDS, strict=False):

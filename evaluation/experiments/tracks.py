@@ -162,30 +162,23 @@ def draw(figures: dict[str, Any]) -> Any:
     figure, panels = new_chart(2, 2, 4.4, _message(figures))
     for axis, way in zip(panels, WAYS, strict=True):
         points = points_at(figures, way)
-        curves = {
-            (name, words): ([one['speed_m_s'] for one in points], [one[key] for one in points], '-')
+        curves = [
+            (name, words, '-', [one[key] for one in points])
             for key, (name, words) in _CURVES.items()
-        }
+        ]
         if axis is panels[0]:
-            for words, tags in figures['apriltag'].items():
+            for style, (words, tags) in zip('-:', figures['apriltag'].items(), strict=True):
                 errors = [one['error_mm'] and one['error_mm']['rms'] for one in tags]
-                style = '-' if words == next(iter(_EXPOSURES_S)) else ':'
-                curves[APRILTAG, f'tag, exposed {words}'] = (
-                    [*_SPEEDS_M_S[: len(tags)]],
-                    errors,
-                    style,
-                )
-        for (name, words), (speeds, errors, style) in curves.items():
-            known = [(at, mm) for at, mm in zip(speeds, errors, strict=True) if mm]
+                curves.append((APRILTAG, f'tag, exposed {words}', style, errors))
+        for name, words, style, errors in curves:
+            known = [(at, mm) for at, mm in zip(_SPEEDS_M_S, errors, strict=True) if mm]
             if known:
                 axis.plot(*zip(*known, strict=True), **look(name) | {'linestyle': style})
-                x, y = known[-1]
+                speed, off_mm = known[-1]
                 # Names of tags stand below their curves.
-                ends_early = x < 0.2
-                lower = 0.62 if ends_early else 0.4
+                lower, ha = (0.62, 'left') if speed < 0.2 else (0.4, 'right')
                 higher = lower if name == APRILTAG else 1.4
-                how = {'ha': 'left' if ends_early else 'right'}
-                name_curve(axis, name, words, (x, higher * y), **how)
+                name_curve(axis, name, words, (speed, higher * off_mm), ha=ha)
         x, y, title = 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m'
         label(axis, x, y, title, yscale='log', ylim=(0.2, 300), yticks=(0.3, 1, 3, 10, 30, 100))
     return figure
