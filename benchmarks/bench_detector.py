@@ -54,7 +54,7 @@ def recording(grid: ZoneGrid, talking: int, frames: int) -> Recording:
     tiles = []
     for tile in range(grid.zones // 16):
         rng = np.random.default_rng(tile)
-        scene = marker_in_each_zone(RANGE_M, rng, start_s=(-1.3, 0.0), packets=None)
+        scene = marker_in_each_zone(RANGE_M, rng, start_s=(-1.3, 0.0))
         markers = tuple(scene.markers[zone] for zone in TALKING[:talking]) if tile == 0 else ()
         tiles.append(Simulation(replace(scene, markers=markers), rng).run(frames * PERIOD_S))
     arrays = {

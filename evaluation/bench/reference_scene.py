@@ -23,30 +23,17 @@ def walls(range_m: float, grid: ZoneGrid, signal: float = WALL_SIGNAL) -> tuple[
 
 
 def marker_in_each_zone(
-    range_m: float,
-    rng: np.random.Generator,
-    *,
-    start_s: tuple[float, float],
-    packets: int | None = 1,
-    size_m: float = 0.03,
+    range_m: float, rng: np.random.Generator, *, start_s: tuple[float, float], size_m: float = 0.03
 ) -> Scene:
     """Return the reference scene with random usable IDs, one of each a zone, at a radial distance.
 
-    The first packets start at random between both times `start_s` [s]; None packets are sent
-    without end.
+    Markers repeat from a random time between both `start_s` on [s].
     """
     grid = SENSOR.grid
     ids = 1 + rng.choice(IDS - 2, grid.zones, replace=False)
     starts = rng.uniform(*start_s, grid.zones)
     markers = tuple(
-        Marker(
-            int(id_),
-            tuple(place_m.tolist()),
-            size_m=size_m,
-            start_s=float(start),
-            packets=packets,
-            response=RESPONSE,
-        )
-        for id_, start, place_m in zip(ids, starts, range_m * grid.directions, strict=True)
+        Marker(int(id_), tuple(at.tolist()), size_m=size_m, start_s=float(start), response=RESPONSE)
+        for id_, start, at in zip(ids, starts, range_m * grid.directions, strict=True)
     )
     return Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m, grid))

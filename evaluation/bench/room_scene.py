@@ -19,9 +19,8 @@ from evaluation.bench.room_markers import (
     SENDINGS,
     Course,
     RoomMarker,
-    foreign_marker,
     foreign_ratio,
-    own_marker,
+    room_marker,
 )
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -216,12 +215,11 @@ def _marker(
         'present_s': (present[0], present[1]),
     }
     begin_s = -PACKET_BITS * bit_s * rng.random()
-    if sending in FOREIGN:
-        ratio = foreign_ratio(rng) if sending == 'period' else 1.0
-        return foreign_marker(sending, course, ratio * bit_s, begin_s, duration_s, rng, **crystal)
-    if sending == 'lone' or rng.random() < _BEGINS:
+    if sending == 'period':
+        bit_s *= foreign_ratio(rng)
+    if sending == 'lone' or (sending in SENDINGS and rng.random() < _BEGINS):
         begin_s = bit_s * (SILENCE_BITS + 4 * PACKET_BITS * rng.random())
-    return own_marker(sending, course, bit_s, begin_s, duration_s, rng, **crystal)
+    return room_marker(sending, course, bit_s, begin_s, duration_s, rng, **crystal)
 
 
 def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tuple[Surface, ...]:

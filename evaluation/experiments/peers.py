@@ -79,10 +79,8 @@ def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, An
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]
         # Of one that moves, the range is another one at each stamp.
-        results[method] = {
-            **read_of(rows),
-            'error_mm': visual_markers.errors([] if make is _moved else off_m),
-        }
+        error_mm = None if make is _moved else visual_markers.errors(off_m)
+        results[method] = {**read_of(rows), 'error_mm': error_mm}
     return results
 
 

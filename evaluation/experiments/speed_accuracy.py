@@ -65,7 +65,7 @@ def _curves() -> dict[str, dict[str, Point]]:
 
 def _frame_ms(options: Options, times: int, rng: np.random.Generator) -> float:
     """Return the processor time per second of watching three markers that may be read [ms]."""
-    scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0), packets=None)
+    scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0))
     some = scene.markers[:: len(scene.markers) // _TALKING][:_TALKING]
     ids = rng.choice(options.get('registered_ids', USABLE_IDS), _TALKING, replace=False).tolist()
     markers = tuple(replace(one, id=id_) for one, id_ in zip(some, ids, strict=True))
