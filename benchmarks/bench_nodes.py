@@ -40,6 +40,7 @@ from retrolidar_ros.settings.resources import shared_file
 
 SETTLING_S = 5.0
 HALF_EXPOSURE_S = 0.0105
+EXPOSED = 'end of the (last) exposure'
 HALL_SENSORS, HALL_RATE_HZ = 16, 48.0
 HALL_MARKERS = ((-0.15, -0.1, 1.0), (0.1, -0.05, 1.2), (0.2, 0.15, 1.4))  # before each [m]
 HALL_FILLING = 45 * HALL_SENSORS * len(HALL_MARKERS)  # a landmark is made of 40 readings at most
@@ -206,17 +207,11 @@ def measure_landmarks(duration_s: float) -> dict[str, float]:
 
 def report(run: Run) -> dict[str, object]:
     """Print a run; return its figures."""
-    frames, markers = run.frames, run.markers
-    sequence = np.array([message.sequence for message, _ in frames])
-    stamp_s = np.array([to_ns(message.header.stamp) for message, _ in frames]) * 1e-9
-    sensor_s = np.array([message.sensor_time for message, _ in frames]) * 1e-6
+    sequence = np.array([message.sequence for message, _ in run.frames])
+    stamp_s = np.array([to_ns(message.header.stamp) for message, _ in run.frames]) * 1e-9
+    sensor_s = np.array([message.sensor_time for message, _ in run.frames]) * 1e-6
     line = np.polyfit(sensor_s - sensor_s[0], stamp_s - stamp_s[0], 1)
     error_ms = 1e3 * (stamp_s - stamp_s[0] - np.polyval(line, sensor_s - sensor_s[0]))
-    arrival_s = np.array([received for _, received in frames]) * 1e-9
-    delay_ms = 1e3 * (arrival_s - stamp_s - HALF_EXPOSURE_S)
-    latency_ms = 1e3 * np.array(
-        [(received - to_ns(message.end)) * 1e-9 - HALF_EXPOSURE_S for message, received in markers]
-    )
     lost = int(sequence[-1] - sequence[0] + 1 - len(sequence))
     rate = (len(sequence) - 1) / (stamp_s[-1] - stamp_s[0])
     print(f'{run.seconds:.0f} s, {len(sequence)} frames at {rate:.1f} Hz, {lost} lost')
@@ -224,35 +219,33 @@ def report(run: Run) -> dict[str, object]:
         f'stamps against the exposure: standard deviation {error_ms.std():.3f} ms, '
         f'largest {np.abs(error_ms).max():.3f} ms'
     )
-    frame_ns = {to_ns(message.header.stamp): received for message, received in frames}
-    # What is on the way at the ends of the run is left out.
-    after_ms = 1e-6 * np.array(
-        [
-            received - frame_ns[to_ns(message.end)]
-            for message, received in markers
-            if to_ns(message.end) in frame_ns
-        ]
-    )
-    followed_ms = 1e-6 * np.array(
-        [
-            received - to_ns(message.header.stamp) - 1e9 * HALF_EXPOSURE_S
-            for message, received in run.tracks
-        ]
-    )
+    exposed_ns = 1e9 * HALF_EXPOSURE_S
+    frame_ns = {to_ns(message.header.stamp): received for message, received in run.frames}
+    ends = [(to_ns(message.end), received) for message, received in run.markers]
+    tracks = [(to_ns(message.header.stamp), received) for message, received in run.tracks]
     delays = {}
-    for begin, what, values in (
-        ('end of the (last) exposure', 'Frame', delay_ms),
-        ('end of the (last) exposure', 'MarkerDetection', latency_ms),
-        ('last Frame received', 'its MarkerDetection', after_ms),
-        ('end of the exposure', 'MarkerTrack', followed_ms),
+    for begin, what, delays_ns in (
+        (EXPOSED, 'Frame', [at - stamp - exposed_ns for stamp, at in frame_ns.items()]),
+        (EXPOSED, 'MarkerDetection', [at - end - exposed_ns for end, at in ends]),
+        # What is on the way at the ends of the run is left out.
+        (
+            'last Frame received',
+            'its MarkerDetection',
+            [at - frame_ns[end] for end, at in ends if end in frame_ns],
+        ),
+        ('end of the exposure', 'MarkerTrack', [at - stamp - exposed_ns for stamp, at in tracks]),
     ):
-        if not len(values):
+        if not delays_ns:
             continue
-        median, p99 = np.percentile(values, [50, 99])
-        delays[what] = {'median_ms': float(median), 'p99_ms': float(p99), 'messages': len(values)}
+        median, p99 = 1e-6 * np.percentile(delays_ns, [50, 99])
+        delays[what] = {
+            'median_ms': float(median),
+            'p99_ms': float(p99),
+            'messages': len(delays_ns),
+        }
         print(
             f'{begin} to {what} received: median {median:.1f} ms, '
-            f'p99 {p99:.1f} ms, {len(values)} messages'
+            f'p99 {p99:.1f} ms, {len(delays_ns)} messages'
         )
     for name, share in run.shares.items():
         print(f'CPU share of {name}: {share:.1%} of one core')

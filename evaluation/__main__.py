@@ -23,11 +23,8 @@ def main(arguments: list[str] | None = None) -> int:
     which.add_argument('names', nargs='*', default=[], metavar='NAME', help='which to run')
     all_help = f'all but {" and ".join(LONG)}, and the report'
     which.add_argument('--all', action='store_true', help=all_help)
-    which.add_argument(
-        '--page',
-        action='store_true',
-        help='the report of what has been run, and the figures of documents',
-    )
+    page_help = 'the report of what has been run, and the figures of documents'
+    which.add_argument('--page', action='store_true', help=page_help)
     parser.add_argument('--quick', action='store_true', help='few trials: a rough look')
     hours_help = f'of {false_ids.NAME} that its file is to hold; only what is missing is run'
     parser.add_argument('--hours', type=float, metavar='H', help=hours_help)
@@ -43,19 +40,15 @@ def main(arguments: list[str] | None = None) -> int:
     # A quick run must not overwrite the committed report.
     output = options.output or (Path('report_quick') if options.quick else COMMITTED)
     names = [one for one in EXPERIMENTS if one not in LONG] if options.all else options.names
+    common = {'seed': options.seed, 'processes': options.processes}
     if names == [false_ids.NAME] and options.hours is not None:
         path = output / f'{false_ids.NAME}.json'
         turn_h = false_ids.TURN_H / (100 if options.quick else 1)
-        counted = false_ids.extend(
-            path, options.hours, seed=options.seed, turn_h=turn_h, processes=options.processes
-        )
-        for words in counted:
+        for words in false_ids.extend(path, options.hours, turn_h=turn_h, **common):
             print(words, flush=True)
         return 0
     try:
-        run_experiments(
-            names, output, quick=options.quick, seed=options.seed, processes=options.processes
-        )
+        run_experiments(names, output, quick=options.quick, **common)
         print(write_page(output) if options.all or options.page else output)
     except ValueError as error:
         print(f'evaluate: {error}', file=sys.stderr)

@@ -221,20 +221,10 @@ def check_parts() -> None:
         raise ValueError(f'of core_parts, the core has not once: {"; ".join(gone)}')
 
 
-def use_core_without(names: tuple[str, ...]) -> None:
-    """Compile the core without some parts, and make this process use it; see `use_core_with`."""
-    use_core_with([PARTS[name] for name in names])
-
-
 def use_core_with(changes: Sequence[Part]) -> None:
     """Compile the core with some lines changed, and make this process use it.
 
-    Raises
-    ------
-    ValueError
-        If the core has no such line any longer, or has it more than once.
-    RuntimeError
-        If the product's core has been imported already.
+    Raises ValueError if the core has a line not once, RuntimeError if it is imported already.
     """
     if _MODULE in sys.modules:
         raise RuntimeError('a core has been imported already')
@@ -265,9 +255,8 @@ def use_core_with(changes: Sequence[Part]) -> None:
     spec = spec_from_file_location('_core', ffi.compile(tmpdir=str(folder)))
     assert spec is not None
     assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    sys.modules[_MODULE] = module
+    sys.modules[_MODULE] = module_from_spec(spec)
+    spec.loader.exec_module(sys.modules[_MODULE])
 
 
 def _objects(folder: Path, sources: dict[str, str]) -> list[str]:
@@ -278,21 +267,20 @@ def _objects(folder: Path, sources: dict[str, str]) -> list[str]:
     headers = ''.join(text for file, text in sources.items() if file.endswith('.h'))
     _OBJECTS.mkdir(exist_ok=True)
     objects = []
-    for file, text in sources.items():
-        if file.endswith('.c'):
-            content = '\0'.join([*flags, headers, file, text])
-            kept = _OBJECTS / f'{sha256(content.encode()).hexdigest()}.o'
-            if not kept.exists():
-                made = folder / f'{file}.o'
-                command = ['cc', *flags, '-c', str(folder / file), '-o', str(made)]
-                subprocess.run(command, check=True)
-                made.replace(kept)
-            objects.append(str(kept))
+    for file in (file for file in sources if file.endswith('.c')):
+        content = '\0'.join([*flags, headers, file, sources[file]])
+        kept = _OBJECTS / f'{sha256(content.encode()).hexdigest()}.o'
+        if not kept.exists():
+            made = folder / f'{file}.o'
+            command = ['cc', *flags, '-c', str(folder / file), '-o', str(made)]
+            subprocess.run(command, check=True)
+            made.replace(kept)
+        objects.append(str(kept))
     return objects
 
 
 def lines_of_core() -> int:
-    """Return how many lines of the core that `use_core_without` compiled have become code."""
+    """Return how many lines of the core that `use_core_with` compiled have become code."""
     command = ['objdump', '--dwarf=decodedline', str(sys.modules[_MODULE].__file__)]
     text = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
     return len(set(re.findall(r'^(retrolidar_\w+\.c) +(\d+) ', text, re.MULTILINE)))

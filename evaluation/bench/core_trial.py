@@ -68,8 +68,7 @@ def _placed(result: RoomResult) -> dict[str, Outcome]:
 
 
 def _appearing(registered: int | None, signal: float, rng: np.random.Generator) -> Outcome:
-    room = families.appearing(signal, rng)
-    first_s, wrong = families.first_id_s(room, registered, rng)
+    first_s, wrong = families.first_id_s(families.appearing(signal, rng), registered, rng)
     return Outcome(-min(first_s, _WATCHED_S), _WATCHED_S, wrong)
 
 
@@ -78,8 +77,7 @@ def _faint(lone: bool, rng: np.random.Generator) -> list[Outcome]:
     sent = record(PLAIN, signal, rng, repeated_s=None if lone else _REPEATED_PACKETS * PACKET_S)
     one = judged(sent, {'method': 'joint'}, lone=lone)
     # Markers in different zones are independent.
-    pairs = zip(one.right, one.wrong, strict=True)
-    return [Outcome(int(right), 1, int(wrong)) for right, wrong in pairs]
+    return [Outcome(int(right), 1, int(wrong)) for right, wrong in zip(*one[:2], strict=True)]
 
 
 def measure(seed: int, times: float) -> dict[str, Any]:
@@ -99,9 +97,8 @@ def measure(seed: int, times: float) -> dict[str, Any]:
             for rng in rngs(first + index, count)
         ]
 
-    members = [member for member in FAMILY if member.name in _DISTURBANCES]
     silent = []
-    for index, member in enumerate(members):
+    for index, member in enumerate(one for one in FAMILY if one.name in _DISTURBANCES):
         budget: dict[str, Any] = {} if member.blinks else {'false_ids_per_hour': LAX_BUDGET}
         for rng in rngs(60 + index, _STRETCHES):
             detector = create_detector('joint', ZoneGrid(), **budget)

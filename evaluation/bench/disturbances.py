@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.bench.recordings import log_uniform, reflected
 from evaluation.bench.room_markers import foreign_edges, foreign_ratio
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene.reference import NOISE, RANGING, SENSOR, WALL_SIGNAL
@@ -66,11 +67,6 @@ class Member(NamedTuple):
     """Whether it blinks: the rate of false IDs is reported, and not held to a budget."""
 
 
-def _log_uniform(bounds: tuple[float, float], size: int, rng: np.random.Generator) -> Floats:
-    low, high = np.log(bounds)
-    return np.exp(rng.uniform(low, high, size))
-
-
 def white(rng: np.random.Generator, signals: tuple[float, float] = (4.0, 600.0)) -> Source:
     """Return noise alone, in every zone at another level."""
     levels = rng.permutation(np.geomspace(*signals, _ZONES, dtype=np.float32))
@@ -97,8 +93,7 @@ def _walk(rng: np.random.Generator, *, step: float, heavy: bool = False) -> Sour
             # Of so many numbers some are rounded to zero.
             spread = np.maximum(rng.standard_exponential(shape, dtype=np.float32), 1e-9)
             steps /= np.sqrt(spread)
-        walked = last + np.cumsum(step * steps, axis=0, dtype=np.float64)
-        walked = high - np.abs((walked - low) % (2 * (high - low)) - (high - low))
+        walked = reflected(last + np.cumsum(step * steps, axis=0, dtype=np.float64), low, high)
         last[:] = walked[-1]
         scaled = (NOISE.slope / 2 * walked).astype(np.float32)
         return (scaled * scaled - np.float32(NOISE.floor)) / np.float32(NOISE.slope), None
@@ -124,10 +119,10 @@ def _held(
 def _course(frames: int, rng: np.random.Generator) -> tuple[Singles, Codes]:
     """Return signals and statuses of a zone where targets come and go, shape (frames,)."""
     turns = 2 + int(frames * _PERIOD_S / PRESENT_S[0])
-    lasting = _log_uniform(PRESENT_S, turns, rng) / _PERIOD_S
+    lasting = log_uniform(PRESENT_S, rng, turns) / _PERIOD_S
     edges = np.concatenate([[0.0], np.cumsum(lasting)]) - lasting[0] * rng.random()
     turns = int(np.searchsorted(edges, frames))
-    levels = _log_uniform(PRESENT_SIGNALS, turns, rng)
+    levels = log_uniform(PRESENT_SIGNALS, rng, turns)
     codes = np.where(rng.random(turns) < _MERGED, Status.MERGED, Status.VALID)
     # Every second one is absent.
     absent = np.arange(turns) % 2 == rng.integers(2)
@@ -144,8 +139,7 @@ def _targets(rng: np.random.Generator) -> Source:
     """Return targets that come and go, with levels and durations of their own, before a wall."""
 
     def advance(frames: int) -> tuple[Singles, Codes]:
-        courses = [_course(frames, rng) for _ in range(_ZONES)]
-        signals, statuses = zip(*courses, strict=True)
+        signals, statuses = zip(*(_course(frames, rng) for _ in range(_ZONES)), strict=True)
         return np.stack(signals, axis=1), np.stack(statuses, axis=1)
 
     return advance
@@ -163,38 +157,37 @@ def _target(rng: np.random.Generator) -> Source:
     return advance
 
 
+def _each_zone(zone: Callable[[int], Singles]) -> Source:
+    """Return what blinks before a wall, in every zone by itself and anew in each block."""
+    wall = np.float32(WALL_SIGNAL)
+    return lambda frames: (np.stack([zone(frames) for _ in range(_ZONES)], axis=1) + wall, None)
+
+
 def _blinking(rng: np.random.Generator, *, levels: bool = False) -> Source:
     """Return random bits at the markers' bit clock, or a random level for each bit."""
     bit_frames = BIT_PERIOD_S / _PERIOD_S
 
-    def advance(frames: int) -> tuple[Singles, None]:
-        """Return the next signals; every zone has another phase in each block."""
+    def zone(frames: int) -> Singles:
         bits = 2 + int(frames / bit_frames)
-        edges = bit_frames * np.arange(bits + 1)
-        signals = np.empty((frames, _ZONES), dtype=np.float32)
-        for zone in range(_ZONES):
-            drawn = rng.random(bits)
-            values = BLINKING_SIGNAL * (drawn if levels else drawn < 0.5)
-            signals[:, zone] = _held(values, edges - bit_frames * rng.random(), frames)[0]
-        return signals + np.float32(WALL_SIGNAL), None
+        drawn = rng.random(bits)
+        values = BLINKING_SIGNAL * (drawn if levels else drawn < 0.5)
+        edges = bit_frames * np.arange(bits + 1) - bit_frames * rng.random()
+        return _held(values, edges, frames)[0]
 
-    return advance
+    return _each_zone(zone)
 
 
 def _foreign(rng: np.random.Generator, *, sending: str) -> Source:
     """Return foreign markers that repeat, one in every zone, others in each block."""
 
-    def advance(frames: int) -> tuple[Singles, None]:
-        signals = np.empty((frames, _ZONES), dtype=np.float32)
-        until_s = frames * _PERIOD_S
-        for zone in range(_ZONES):
-            bit_s = BIT_PERIOD_S * (foreign_ratio(rng) if sending == 'period' else 1.0)
-            begin_s = -PACKET_BITS * bit_s * rng.random()
-            edges_s, levels = foreign_edges(sending, bit_s, begin_s, until_s, rng)
-            signals[:, zone] = _held(levels[:-1], edges_s / _PERIOD_S, frames)[0]
-        return np.float32(BLINKING_SIGNAL) * signals + np.float32(WALL_SIGNAL), None
+    def zone(frames: int) -> Singles:
+        bit_s = BIT_PERIOD_S * (foreign_ratio(rng) if sending == 'period' else 1.0)
+        begin_s = -PACKET_BITS * bit_s * rng.random()
+        edges_s, levels = foreign_edges(sending, bit_s, begin_s, frames * _PERIOD_S, rng)
+        means = _held(levels[:-1], edges_s / _PERIOD_S, frames)[0]
+        return np.float32(BLINKING_SIGNAL) * means
 
-    return advance
+    return _each_zone(zone)
 
 
 def _fading(steps: Floats, memory: float, before: Floats) -> Floats:
@@ -232,9 +225,8 @@ def _hands(rng: np.random.Generator) -> Source:
         steps = _STEP_SCALE * np.exp(scales) * rng.standard_normal((frames, _ZONES))
         levels = _fading(steps, _LEVEL_MEMORY, level)
         scale[:], level[:] = scales[-1], levels[-1]
-        # Reflected at the bounds.
-        low, high = math.log(MIN_SIGNAL), math.log(MAX_SIGNAL)
-        received = np.exp(high - np.abs((_HOME + levels - low) % (2 * (high - low)) - (high - low)))
+        bounds = math.log(MIN_SIGNAL), math.log(MAX_SIGNAL)
+        received = np.exp(reflected(_HOME + levels, *bounds))
         status = _vanishing(frames, rng)
         received[status == Status.SIGNAL_TOO_LOW] = 0.0
         return received.astype(np.float32), status
@@ -246,9 +238,9 @@ def _sensed(
     signal: Singles, status: Codes | None, begin: int, rng: np.random.Generator
 ) -> Recording:
     """Return signals without noise, shape (frames, zones), as frames of the sensor."""
-    shape, seen = signal.shape, np.maximum(signal, MIN_SIGNAL)
-    distance = np.minimum(_NEAR_M * np.sqrt(_NEAR_SIGNAL / seen), _FAR_M)
-    spread = np.hypot(RANGING.shot / seen, RANGING.floor)
+    shape, light = signal.shape, np.maximum(signal, MIN_SIGNAL)
+    distance = np.minimum(_NEAR_M * np.sqrt(_NEAR_SIGNAL / light), _FAR_M)
+    spread = np.hypot(RANGING.shot / light, RANGING.floor)
     distance += spread * rng.standard_normal(shape, dtype=np.float32)
     sigma = np.sqrt(NOISE.floor + NOISE.slope * signal)
     signal = np.maximum(signal + sigma * rng.standard_normal(shape, dtype=np.float32), 0)
@@ -259,10 +251,8 @@ def _sensed(
     distance[none] = np.nan
     sequence = np.arange(begin, begin + shape[0])
     time_us = np.rint((sequence + 0.5) * _PERIOD_S * 1e6).astype(np.int64)
-    ambient = np.zeros(shape, dtype=np.float32)
-    return Recording(
-        time_us * 1000, sequence, time_us, SENSOR.grid, distance, signal, ambient, status
-    )
+    seen = distance, signal, np.zeros(shape, dtype=np.float32), status
+    return Recording(time_us * 1000, sequence, time_us, SENSOR.grid, *seen)
 
 
 def source_blocks(
@@ -274,7 +264,7 @@ def source_blocks(
         yield _sensed(*advance(min(BLOCK_FRAMES, total - begin)), begin, rng)
 
 
-# Yield the frames of hands that never rest, and of a bare wall, for a duration [s].
+# Yield frames for a duration [s].
 restless_blocks = partial(source_blocks, _hands)
 wall_blocks = partial(source_blocks, partial(white, signals=(WALL_SIGNAL, WALL_SIGNAL)))
 _SOURCES: dict[str, Callable[[np.random.Generator], Source]] = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.bench.judging import Step, watch
 from evaluation.bench.places import median_mm, rms_mm
-from evaluation.bench.recordings import Sent, record, signal_at
+from evaluation.bench.recordings import Sent, record, record_at
 from evaluation.bench.reference_scene import walls
 from evaluation.bench.stresses import PLAIN, Stress
 from evaluation.experiments.moving import WAYS
@@ -41,8 +41,7 @@ def _sent(
     speed_m_s: float = 0.0,
 ) -> Sent:
     path = WAYS[way](speed_m_s, range_m, rng)
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': duration_s, 'path': path}
-    return record(stress, signal_at(range_m), rng, **how)
+    return record_at(range_m, rng, stress, path=path, repeated_s=duration_s)
 
 
 def _spliced(before: Recording, after: Recording, frame: int) -> Recording:
@@ -108,7 +107,7 @@ def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
 
 
 SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
-"""When the second marker begins to send [s], by name."""
+"""When the second marker begins to send [s]."""
 _ZONE = 9
 _OFF_ZONES = 0.3  # markers are so far from the middle of the zone, at most
 _WALL_M = 0.1  # behind the first
@@ -128,16 +127,9 @@ def two_in_a_zone(
     ids = rng.choice(USABLE_IDS, 2, replace=False)
     starts_s = [rng.uniform(-1.3, 0.0), rng.uniform(*SECONDS_S[begins])]
     markers = tuple(
-        Marker(
-            id=int(one),
-            position_m=(float(z * x), float(z * y), z),
-            name=f'marker_{one}',
-            start_s=float(start_s),
-            packets=None,
-            response=RESPONSE,
-        )
+        Marker(int(one), (z * x, z * y, z), start_s=float(start_s), response=RESPONSE)
         for one, start_s, z, (x, y) in zip(
-            ids, starts_s, (range_m, range_m + apart_m), tangents, strict=True
+            ids, starts_s, (range_m, range_m + apart_m), tangents.tolist(), strict=True
         )
     )
     scene = Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m + _WALL_M, grid))
@@ -163,8 +155,7 @@ def two_in_a_zone(
 
 def shared_figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the statistics of several runs of `two_in_a_zone`."""
-    errors_m = [value for one in runs for value in one['errors_m']]
-    both = [value for one in runs for value in one['both']]
+    errors_m, both = ([value for one in runs for value in one[of]] for of in ('errors_m', 'both'))
     hours = sum(one['hours'] for one in runs)
     return {
         'median_mm': median_mm(errors_m),

@@ -72,7 +72,7 @@ def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Se
 def visit(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Visit:
     """Let the hand stay at a pose."""
     looks = places.looks(places.view_from(pose, world, rng), VISIT_S, rng)
-    return pose, [detection for _, detection in looks]
+    return pose, [one for _, one in looks]
 
 
 def visits(world: Scene, side_m: float, rng: np.random.Generator) -> list[Visit]:
@@ -128,19 +128,16 @@ def errors_after(
 def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Generator) -> float:
     """Return how long a hand looks until all objects are known [s], infinite if it gives up.
 
-    It goes to the best next place each time.
-
-    It leaves a place when every unknown object in view has been read there, or after a timeout. If
-    it cannot see all of those at once, it looks at the one with the largest deviation. An object is
-    known when its deviation along the worst axis is `wanted_m` [m]; the hand can go `reach_m` from
-    its first place [m].
+    It goes to the best next place, and leaves when every unknown object in view has been read
+    there, or after a timeout. If it cannot see all of those at once, it looks at the one with the
+    largest deviation. An object is known when its deviation along the worst axis is `wanted_m` [m];
+    the hand can go `reach_m` from its first place [m].
     """
     truth_m = dict(zip((one.id for one in world.markers), places.markers_at(world), strict=True))
     landmarks = _landmarks(world, errors_for(0.0))
     bias_m, roll = float(rng.normal(0, BIAS_M)), float(rng.uniform(-_ROLL_RAD, _ROLL_RAD))
     began_m: Floats = rng.uniform(-_HAND_M, _HAND_M, 3)
-    place_m = began_m
-    looked_s = 0.0
+    place_m, looked_s = began_m, 0.0
     for index in range(_MAX_PLACES):
         missing = sorted(truth_m, key=lambda one: -_stddev_of(landmarks[one]))
         missing = [one for one in missing if _stddev_of(landmarks[one]) > wanted_m]
@@ -154,14 +151,13 @@ def ready_s(world: Scene, wanted_m: float, reach_m: float, rng: np.random.Genera
                 break
         assert pose is not None
         wanted, stayed_s = set(group) & set(missing), _STAY_S
-        scene = places.view_from(pose, world, rng)
-        for known_s, detection in places.looks(scene, _STAY_S, rng):
-            if detection.id in landmarks:
+        scene, since_s = places.view_from(pose, world, rng), 100.0 * index
+        for known_s, one in places.looks(scene, _STAY_S, rng):
+            if one.id in landmarks:
                 seen_from = places.pose_of_tf(pose, 0.0, rng)
-                landmarks[detection.id].take(
-                    places.reading_of(detection, seen_from, since_s=100.0 * index, bias_m=bias_m)
-                )
-                wanted.discard(detection.id)
+                reading = places.reading_of(one, seen_from, since_s=since_s, bias_m=bias_m)
+                landmarks[one.id].take(reading)
+                wanted.discard(one.id)
             if not wanted:
                 stayed_s = known_s
                 break
@@ -197,9 +193,9 @@ class TagCamera:
 
     def errors(self, pose_m: float) -> Errors:
         """Return the errors that landmarks have to assume."""
-        others = errors_for(pose_m)
         own = {'range_bias_m': 1e-4, 'range_m': 0.0, 'box_rad': 0.0, 'edge_rad': self.turn_rad}
-        return replace(others, **own, turn_rad=others.turn_rad if pose_m else _EXACT)
+        exact = {} if pose_m else {'turn_rad': _EXACT}
+        return replace(errors_for(pose_m), **own, **exact)
 
     def readings(
         self, trial: Sequence[Visit], world: Scene, pose_m: float, rng: np.random.Generator
@@ -215,16 +211,13 @@ class TagCamera:
                 at_m = np.array(marker.position_m)
                 turns = np.append(rng.uniform(-_TAG_AIM_RAD, _TAG_AIM_RAD, 2), 0.0)
                 camera = places.towards(at_m, hand.position_m, turns)
-                tag = Pose(
-                    places.to_sensor(camera, at_m), camera.rotation.T @ facing(at_m).rotation
-                )
-                seen_m = self._see(tag, rng)
+                turned = camera.rotation.T @ facing(at_m).rotation
+                seen_m = self._see(Pose(places.to_sensor(camera, at_m), turned), rng)
                 if seen_m is not None:
                     range_m = float(np.linalg.norm(seen_m))
                     pose = places.pose_of_tf(camera, pose_m, rng)
                     stddev_m = float(np.interp(range_m, _RANGES_M, self._stddev_m))
-                    direction, exact = seen_m / range_m, np.full(2, _EXACT)
-                    where = (range_m, stddev_m, direction, exact, pose)
+                    where = (range_m, stddev_m, seen_m / range_m, np.full(2, _EXACT), pose)
                     rows.append(Reading(marker.id, 'camera', 100.0 * index, *where))
         return rows
 

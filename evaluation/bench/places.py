@@ -18,10 +18,10 @@ from evaluation.bench.judging import watch
 from evaluation.bench.rates import Rate, rate
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.place import Place
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.optics import zone_shares
+from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Estimate
@@ -31,8 +31,7 @@ from retrolidar_ros.tasks.reading import Reading, SensorPose, reading
 _HAND_M = 0.2  # at most so far from there along each axis
 _TURN_RAD = math.radians(20)  # yaw and pitch from the middle of the objects
 _ROLL_RAD = math.radians(45)
-# Whole markers must be seen: their middles are so far from the border, in zones.
-_MARGIN_ZONES = 0.25
+_MARGIN_ZONES = 0.25  # from the border to the middle of a marker, to see all of it
 _CLOCK_ERROR = 0.01  # of the markers, at most
 # An object fills every zone that has so much of its marker's light, and is so far behind it.
 _MIN_SHARE = 0.05
@@ -66,19 +65,15 @@ def markers_at(scene: Scene) -> Floats:
 
 def yaw_of(world_m: Floats, pose: SensorPose) -> float:
     """Return a marker's yaw [rad]: its normal points to the world's origin, not to the sensor."""
-    normal = -world_m / np.linalg.norm(world_m)
-    sight = pose.position_m - world_m
-    across = float(np.linalg.norm(np.cross(normal, sight)))
-    return math.atan2(across, float(normal @ sight))
+    normal, sight = -world_m / np.linalg.norm(world_m), pose.position_m - world_m
+    return math.atan2(float(np.linalg.norm(np.cross(normal, sight))), float(normal @ sight))
 
 
 def sees_all(positions_m: Floats, grid: ZoneGrid) -> bool:
     """Return whether all markers are well within the field of view, each in a zone of its own."""
-    if (positions_m[:, 2] <= 0).any():
-        return False
     steps = positions_m[:, :2] / positions_m[:, 2:] / grid.pitch
     half = np.array([grid.columns, grid.rows]) / 2
-    if (np.abs(steps) > half - _MARGIN_ZONES).any():
+    if (positions_m[:, 2] <= 0).any() or (np.abs(steps) > half - _MARGIN_ZONES).any():
         return False
     return len(np.unique(np.floor(steps), axis=0)) == len(steps)
 
@@ -116,16 +111,14 @@ def view_from(pose: SensorPose, world: Scene, rng: np.random.Generator) -> Scene
         if z <= 0.1 or (np.abs(sensor_m[:2]) > half * z).any():
             continue
         clock_error = float(rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR))
-        start_s = float(-rng.uniform(0, PACKET_BITS * BIT_PERIOD_S))
-        own = replace(marker, position_m=(x, y, z), clock_error=clock_error, start_s=start_s)
-        seen.append(replace(own, yaw_rad=yaw_of(world_m, pose)))
-        shares = zone_shares(sensor_m[None], marker.size_m, grid, sensor.blur)[0]
-        behind = shares > _MIN_SHARE
+        start_s = float(-rng.uniform(0, PACKET_S))
+        own = replace(marker, position_m=(x, y, z), yaw_rad=yaw_of(world_m, pose))
+        seen.append(replace(own, clock_error=clock_error, start_s=start_s))
+        behind = zone_shares(sensor_m[None], marker.size_m, grid, sensor.blur)[0] > _MIN_SHARE
         depths[behind] = np.linalg.norm(sensor_m) * grid.z_per_range[behind] + _OBJECT_M
         signals[behind] = _OBJECT_SIGNAL
-    surfaces = tuple(
-        Surface(float(depths[zone]), float(signals[zone]), (zone,)) for zone in range(grid.zones)
-    )
+    walls = zip(depths.tolist(), signals.tolist(), strict=True)
+    surfaces = tuple(Surface(*wall, (zone,)) for zone, wall in enumerate(walls))
     return Scene(sensor=sensor, markers=tuple(seen), surfaces=surfaces)
 
 

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any, TypedDict
 
 import numpy as np
@@ -58,11 +59,9 @@ def falls_below(level: float, places: Sequence[float], shares: Sequence[float]) 
     """
     if shares[0] < level:
         return None
-    for index in range(1, len(places)):
-        before, after = shares[index - 1], shares[index]
+    for (last, before), (place, after) in pairwise(zip(places, shares, strict=True)):
         if after < level:
-            step = (before - level) / (before - after)
-            return places[index - 1] + step * (places[index] - places[index - 1])
+            return last + (before - level) / (before - after) * (place - last)
     return float(places[-1])
 
 

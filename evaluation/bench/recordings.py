@@ -10,12 +10,12 @@ noise that belongs to it, then what the sensor does to its samples.
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.stresses import Stress
+from evaluation.bench.stresses import PLAIN, Stress
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -51,9 +51,9 @@ class Sent(NamedTuple):
     seconds: NDArray[np.int64] | None  # IDs of the second markers
 
 
-def snr_db(signal: float, noise: float = 1.0) -> float:
+def snr_db(signal: float) -> float:
     """Return c over sigma of a bright signal [kcps/SPAD], the noise taken at its half [dB]."""
-    variance = noise * (NOISE.floor + NOISE.slope * (WALL_SIGNAL + signal / 2))
+    variance = NOISE.floor + NOISE.slope * (WALL_SIGNAL + signal / 2)
     return 20 * math.log10(signal / math.sqrt(variance))
 
 
@@ -67,10 +67,24 @@ def rng_at(seed: int, place: float) -> np.random.Generator:
     return np.random.default_rng([seed, round(1000 * place)])
 
 
+def log_uniform(
+    bounds: tuple[float, float], rng: np.random.Generator, size: int | None = None
+) -> Any:
+    """Return a number between bounds, its logarithm evenly distributed; or so many of them."""
+    low, high = np.log(bounds)
+    return np.exp(rng.uniform(low, high, size))
+
+
+def reflected(walked: Floats, low: float, high: float) -> Floats:
+    """Return what walks anywhere as between bounds that reflect it."""
+    inside: Floats = high - np.abs((walked - low) % (2 * (high - low)) - (high - low))
+    return inside
+
+
 def walk(shape: tuple[int, int], bound: float, step: float, rng: np.random.Generator) -> Floats:
     """Return random walks between 0 and a bound, which reflect them."""
     walked = np.cumsum(step * rng.standard_normal(shape), axis=0) + rng.uniform(0, bound, shape[1])
-    return bound - np.abs(walked % (2 * bound) - bound)
+    return reflected(walked, 0.0, bound)
 
 
 def to_and_fro(distance: Floats, half: float) -> Floats:
@@ -231,3 +245,8 @@ def record(
     if stress.no_target:
         recording = _lose_targets(recording, zones.light, stress.no_target, rng)
     return Sent(recording, zones.own, zones.start_s, zones.packet_s, zones.seconds)
+
+
+def record_at(range_m: float, rng: np.random.Generator, stress: Stress = PLAIN, **how: Any) -> Sent:
+    """Return frames of markers of 3 cm at a distance [m], else as `record` has it."""
+    return record(stress, signal_at(range_m), rng, range_m=range_m, **how)

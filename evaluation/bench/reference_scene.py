@@ -14,40 +14,26 @@ from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 
-def walls(range_m: float, grid: ZoneGrid) -> tuple[Surface, ...]:
+def walls(range_m: float, grid: ZoneGrid, signal: float = WALL_SIGNAL) -> tuple[Surface, ...]:
     """Return a background in every zone at the distance that the sensor reports for a range."""
     return tuple(
-        Surface(float(range_m * factor), WALL_SIGNAL, (zone,))
+        Surface(float(range_m * factor), signal, (zone,))
         for zone, factor in enumerate(grid.z_per_range)
     )
 
 
 def marker_in_each_zone(
-    range_m: float,
-    rng: np.random.Generator,
-    *,
-    start_s: tuple[float, float],
-    packets: int | None = 1,
-    size_m: float = 0.03,
+    range_m: float, rng: np.random.Generator, *, start_s: tuple[float, float], size_m: float = 0.03
 ) -> Scene:
     """Return the reference scene with random usable IDs, one of each a zone, at a radial distance.
 
-    The first packets start at random between both times `start_s` [s]; None packets are sent
-    without end.
+    Markers repeat from a random time between both `start_s` on [s].
     """
     grid = SENSOR.grid
     ids = 1 + rng.choice(IDS - 2, grid.zones, replace=False)
     starts = rng.uniform(*start_s, grid.zones)
     markers = tuple(
-        Marker(
-            id=int(identity),
-            position_m=(float(place[0]), float(place[1]), float(place[2])),
-            name=f'marker_{identity}',
-            size_m=size_m,
-            start_s=float(start),
-            packets=packets,
-            response=RESPONSE,
-        )
-        for identity, start, place in zip(ids, starts, range_m * grid.directions, strict=True)
+        Marker(int(id_), tuple(at.tolist()), size_m=size_m, start_s=float(start), response=RESPONSE)
+        for id_, start, at in zip(ids, starts, range_m * grid.directions, strict=True)
     )
     return Scene(sensor=SENSOR, markers=markers, surfaces=walls(range_m, grid))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from evaluation.bench.recordings import signal_at
-from evaluation.bench.room_markers import Course, RoomMarker, foreign_marker, own_marker
+from evaluation.bench.room_markers import Course, RoomMarker, room_marker
 from evaluation.bench.room_scene import Room, RoomSimulation
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
@@ -57,7 +57,7 @@ def crossing(speed_m_s: float, duration_s: float, rng: np.random.Generator) -> R
     half_m = SENSOR.grid.view / 2
     place_m = np.array([*rng.uniform(-0.85 * half_m, 0.85 * half_m, 2), 1.0])
     course = Course('crossing', place_m, speed_m_s=np.array([speed_m_s, 0.0]))
-    marker = own_marker('repeating', course, _bit_s(rng), _begun_s(rng), duration_s, rng)
+    marker = room_marker('repeating', course, _bit_s(rng), _begun_s(rng), duration_s, rng)
     return _room(duration_s, marker)
 
 
@@ -66,7 +66,7 @@ def other_period(period_s: float, duration_s: float, rng: np.random.Generator) -
     place_m = _anywhere(int(rng.integers(SENSOR.grid.zones)), rng.uniform(0.5, 2.0), rng)
     begin_s = -PACKET_BITS * period_s * rng.random()
     course = Course('still', place_m)
-    return _room(duration_s, foreign_marker('period', course, period_s, begin_s, duration_s, rng))
+    return _room(duration_s, room_marker('period', course, period_s, begin_s, duration_s, rng))
 
 
 def ten_packets(signal: float, rng: np.random.Generator) -> Room:
@@ -74,14 +74,14 @@ def ten_packets(signal: float, rng: np.random.Generator) -> Room:
 
     This is the paper's trial (§6.1).
     """
-    lasting_s = (_TEN - 1.5) * PACKET_S  # `own_marker` sends one and a half more
+    lasting_s = (_TEN - 1.5) * PACKET_S  # `room_marker` sends one and a half more
     duration_s = (_TEN + 5) * PACKET_S
     markers = []
     for direction in SENSOR.grid.directions:
         course = Course('still', _range_of(signal) * direction)
         begin_s = PACKET_S * (1.5 + rng.random())
-        bit_s = _bit_s(rng)
-        markers.append(own_marker('sequence', course, bit_s, begin_s, begin_s + lasting_s, rng))
+        ends_s = (begin_s, begin_s + lasting_s)
+        markers.append(room_marker('sequence', course, _bit_s(rng), *ends_s, rng))
     return _room(duration_s, *markers)
 
 
@@ -89,12 +89,9 @@ def appearing(signal: float, rng: np.random.Generator) -> Room:
     """Return one marker that repeats, and appears in mid-packet."""
     zone = int(rng.integers(SENSOR.grid.zones))
     course = Course('still', _anywhere(zone, _range_of(signal), rng))
-    until_s = _APPEARS_S + _WATCHED_S
-    present_s = (_APPEARS_S, math.inf)
+    until_s, there = _APPEARS_S + _WATCHED_S, {'present_s': (_APPEARS_S, math.inf)}
     begin_s = _begun_s(rng)
-    marker = own_marker(
-        'repeating', course, _bit_s(rng), begin_s, until_s, rng, present_s=present_s
-    )
+    marker = room_marker('repeating', course, _bit_s(rng), begin_s, until_s, rng, **there)
     return _room(until_s, marker)
 
 
@@ -105,7 +102,7 @@ def pair(ratio: float, sendings: tuple[str, str], rng: np.random.Generator) -> R
     markers = []
     for sending, share in zip(sendings, (1.0, ratio), strict=True):
         course = Course('still', _anywhere(zone, _range_of(share * signal), rng))
-        markers.append(own_marker(sending, course, _bit_s(rng), _begun_s(rng), duration_s, rng))
+        markers.append(room_marker(sending, course, _bit_s(rng), _begun_s(rng), duration_s, rng))
     return _room(duration_s, *markers)
 
 
@@ -121,11 +118,6 @@ def first_id_s(room: Room, registered: int | None, rng: np.random.Generator) -> 
         others = rng.choice(USABLE_IDS[own != USABLE_IDS], registered - 1, replace=False)
         ids = np.append(others, own)
     detector = create_detector('joint', recording.grid, registered_ids=ids)
-    first_s, wrong = math.inf, 0
-    for frame in recording:
-        for one in detector.update(frame):
-            if one.id == own:
-                first_s = min(first_s, frame.stamp_ns * 1e-9 - _APPEARS_S)
-            else:
-                wrong += 1
-    return first_s, wrong
+    found = [(frame.stamp_ns, one.id) for frame in recording for one in detector.update(frame)]
+    times_s = [1e-9 * stamp_ns - _APPEARS_S for stamp_ns, id_ in found if id_ == own]
+    return min(times_s, default=math.inf), len(found) - len(times_s)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.recordings import SILENCE_BITS, to_and_fro
+from evaluation.bench.recordings import SILENCE_BITS, log_uniform, to_and_fro
 from retrolidar_ros.marker.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.liquid_crystal import Response
@@ -82,7 +82,7 @@ class RoomMarker:
         return visible * (1 - self.contrast * (1 - share))
 
 
-def own_marker(
+def room_marker(
     sending: str,
     course: Course,
     bit_s: float,
@@ -91,7 +91,14 @@ def own_marker(
     rng: np.random.Generator,
     **rest: Any,
 ) -> RoomMarker:
-    """Return a marker with random IDs that sends from one time on, until another or later [s]."""
+    """Return a marker that sends from one time on, until another or later [s].
+
+    Ours has random IDs, a foreign one none.
+    """
+    if sending in FOREIGN:
+        none: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        edges = foreign_edges(sending, bit_s, begin_s, until_s, rng)
+        return RoomMarker(sending, course, bit_s, none, np.zeros(0), *edges, **rest)
     count = 2 + int((until_s - begin_s) / (PACKET_BITS * bit_s))
     pauses: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
     if sending == 'lone':
@@ -111,9 +118,8 @@ def own_marker(
 
 def foreign_ratio(rng: np.random.Generator) -> float:
     """Return a bit period of a foreign marker, over ours."""
-    low, high = np.log(_FOREIGN_PERIODS)
     while True:
-        ratio = float(np.exp(rng.uniform(low, high)))
+        ratio = float(log_uniform(_FOREIGN_PERIODS, rng))
         if not _OWN_PERIODS[0] <= ratio <= _OWN_PERIODS[1]:
             return ratio
 
@@ -132,21 +138,6 @@ def foreign_edges(
     if sending == 'clock':
         lengths_s *= rng.uniform(*_FOREIGN_BITS, count)
     return begin_s + np.concatenate([[0.0], np.cumsum(lengths_s)[:-1]]), 1.0 - bits
-
-
-def foreign_marker(
-    sending: str,
-    course: Course,
-    bit_s: float,
-    begin_s: float,
-    until_s: float,
-    rng: np.random.Generator,
-    **rest: Any,
-) -> RoomMarker:
-    """Return a foreign marker that sends from one time on, until another or later [s]."""
-    edges_s, levels = foreign_edges(sending, bit_s, begin_s, until_s, rng)
-    none: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-    return RoomMarker(sending, course, bit_s, none, np.zeros(0), edges_s, levels, **rest)
 
 
 def _foreign_packet(rng: np.random.Generator) -> NDArray[np.uint8]:

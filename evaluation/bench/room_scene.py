@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.bench.recordings import SILENCE_BITS, walk
+from evaluation.bench.recordings import SILENCE_BITS, log_uniform, walk
 from evaluation.bench.room_markers import (
     FOREIGN,
     INNER,
@@ -19,9 +19,8 @@ from evaluation.bench.room_markers import (
     SENDINGS,
     Course,
     RoomMarker,
-    foreign_marker,
     foreign_ratio,
-    own_marker,
+    room_marker,
 )
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -153,10 +152,6 @@ def draw_room(rng: np.random.Generator) -> Room:
     return Room(scene, bit_s, tuple(markers), _cloth(sensor.period_s, rng))
 
 
-def _log_uniform(low: float, high: float, rng: np.random.Generator) -> float:
-    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
-
-
 def _places(grid: ZoneGrid, full: bool, rng: np.random.Generator) -> list[Floats]:
     """Return where markers are [m]: anywhere, in one zone, in zones side by side, or in all."""
     if full:
@@ -176,11 +171,11 @@ def _places(grid: ZoneGrid, full: bool, rng: np.random.Generator) -> list[Floats
             zones = rng.choice(block, count, replace=False).tolist()
     # Markers that share a zone are about as far, so that the sensor merges them.
     together = len(set(zones)) < len(zones)
-    base_m = _log_uniform(*_RANGE_M, rng)
+    base_m = log_uniform(_RANGE_M, rng)
     places = []
     for zone in zones:
         near = together or (full and rng.random() < 0.5)
-        range_m = base_m + rng.uniform(-0.2, 0.2) if near else _log_uniform(*_RANGE_M, rng)
+        range_m = base_m + rng.uniform(-0.2, 0.2) if near else log_uniform(_RANGE_M, rng)
         tangents = grid.tangents[zone] + grid.pitch * rng.uniform(-0.5, 0.5, 2)
         bound = INNER * grid.view / 2
         ray = np.append(np.clip(tangents, -bound, bound), 1.0)
@@ -191,9 +186,9 @@ def _places(grid: ZoneGrid, full: bool, rng: np.random.Generator) -> list[Floats
 def _course(
     motion: str, place_m: Floats, grid: ZoneGrid, bit_s: float, rng: np.random.Generator
 ) -> Course:
-    across_m = _log_uniform(0.002, 0.04, rng)
+    across_m = log_uniform((0.002, 0.04), rng)
     swings = motion == 'swaying'
-    speed = place_m[2] * grid.pitch * _log_uniform(*_ZONES_A_PACKET, rng) / (PACKET_BITS * bit_s)
+    speed = place_m[2] * grid.pitch * log_uniform(_ZONES_A_PACKET, rng) / (PACKET_BITS * bit_s)
     angle = rng.uniform(0, 2 * math.pi)
     return Course(
         motion,
@@ -215,17 +210,16 @@ def _marker(
     if rng.random() < _COMES_AND_GOES:
         present[int(rng.integers(2))] = duration_s * rng.uniform(0.2, 0.8)
     crystal = {
-        'response': Response(_log_uniform(3e-4, 1e-3, rng), _log_uniform(2e-3, 1.5e-2, rng)),
+        'response': Response(log_uniform((3e-4, 1e-3), rng), log_uniform((2e-3, 1.5e-2), rng)),
         'contrast': float(rng.uniform(0.7, 1.0)),
         'present_s': (present[0], present[1]),
     }
     begin_s = -PACKET_BITS * bit_s * rng.random()
-    if sending in FOREIGN:
-        ratio = foreign_ratio(rng) if sending == 'period' else 1.0
-        return foreign_marker(sending, course, ratio * bit_s, begin_s, duration_s, rng, **crystal)
-    if sending == 'lone' or rng.random() < _BEGINS:
+    if sending == 'period':
+        bit_s *= foreign_ratio(rng)
+    if sending == 'lone' or (sending in SENDINGS and rng.random() < _BEGINS):
         begin_s = bit_s * (SILENCE_BITS + 4 * PACKET_BITS * rng.random())
-    return own_marker(sending, course, bit_s, begin_s, duration_s, rng, **crystal)
+    return room_marker(sending, course, bit_s, begin_s, duration_s, rng, **crystal)
 
 
 def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tuple[Surface, ...]:
@@ -234,7 +228,7 @@ def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tu
     kind = rng.choice(['near', 'near', 'far', 'own', 'none'])
     if kind == 'none':
         return ()
-    signal = _log_uniform(1.0, 15.0, rng)
+    signal = log_uniform((1.0, 15.0), rng)
     if kind != 'own':
         behind_m = rng.uniform(0.02, 0.4) if kind == 'near' else rng.uniform(0.7, 2.0)
         return (Surface(farthest_m + behind_m, signal),)
@@ -267,5 +261,5 @@ def _cloth(period_s: float, rng: np.random.Generator) -> tuple[float, float]:
     """Return how far the signals of walls wander, and their steps a frame; 0 = not at all."""
     if rng.random() < 0.7:
         return (0.0, 0.0)
-    bound = _log_uniform(1.0, 20.0, rng)
+    bound = log_uniform((1.0, 20.0), rng)
     return (bound, rng.uniform(0.05, 0.4) * bound * math.sqrt(period_s / 0.5))

@@ -109,25 +109,19 @@ def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
             if not during.any():
                 continue
             own = amplitude[index, during].mean(axis=0)
-            noise = variance[index, during].mean(axis=0)
-            snr = own / np.sqrt(noise)
+            snr = own / np.sqrt(variance[index, during].mean(axis=0))
             zone = int(snr.argmax())
-            others = [
-                other
-                for other in range(len(markers))
-                if other != index and _sends(markers[other], begun_s, ended_s)
-            ]
-            company = COMPANY[0]
-            for other in others:
+            company = 0
+            for other, its_marker in enumerate(markers):
+                if other == index or not _sends(its_marker, begun_s, ended_s):
+                    continue
                 apart = np.abs(tangents[other][during] - tangents[index][during]).max(axis=1)
                 if amplitude[other, during, zone].mean() >= _SHARES * own[zone]:
-                    company = COMPANY[2]
-                elif (
-                    company == COMPANY[0]
-                    and apart.min() < NEAR_ZONES * room.scene.sensor.grid.pitch
-                ):
-                    company = COMPANY[1]
+                    company = 2
+                elif apart.min() < NEAR_ZONES * room.scene.sensor.grid.pitch:
+                    company = max(company, 1)
             hidden = simulation.hidden[index, during, zone].mean()
+            seen_whole = (begun_s, ended_s) == (start_s, end_s) and end_s <= lasting_s
             sent.append(
                 SentPacket(
                     marker=index,
@@ -136,15 +130,10 @@ def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
                     end_s=ended_s,
                     sending=marker.sending,
                     motion=marker.course.motion,
-                    company=company,
+                    company=COMPANY[company],
                     snr_db=20 * math.log10(max(float(snr[zone]), _NO_LIGHT)),
                     zone=zone,
-                    whole=bool(
-                        begun_s == start_s
-                        and ended_s == end_s
-                        and end_s <= lasting_s
-                        and hidden <= _HIDDEN
-                    ),
+                    whole=bool(seen_whole and hidden <= _HIDDEN),
                 )
             )
     return sent
@@ -220,9 +209,9 @@ def _placed(one: Detection, packet: SentPacket, room: Room) -> Placed:
     stamp_s = np.array([1e-9 * one.stamp_ns])
     (truth_m,) = room.markers[packet.marker].course.positions(stamp_s)
     both_m = np.array([one.place.position_m, truth_m])
-    across, down = (_tangents(both_m, 2) / room.scene.sensor.grid.pitch).T
-    bearing = (float(across[0] - across[1]), float(down[0] - down[1]))
-    return Placed(packet.motion, packet.company, bearing, place_error(one.place, truth_m))
+    measured, true = _tangents(both_m, 2) / room.scene.sensor.grid.pitch
+    across, down = (measured - true).tolist()
+    return Placed(packet.motion, packet.company, (across, down), place_error(one.place, truth_m))
 
 
 def _overlap_s(packet: SentPacket, span_s: tuple[float, float]) -> float:
@@ -261,22 +250,16 @@ def _seen(simulation: RoomSimulation) -> tuple[Floats, Floats]:
     brighter hides it; what is merged with it adds noise.
     """
     bright, depth = simulation.bright, simulation.depth_m
-    count = len(bright)
     everything = np.concatenate([bright, simulation.others])
-    amplitude = np.empty_like(bright)
-    variance = np.empty_like(bright)
-    for index in range(count):
-        own = bright[index]
+    amplitude, variance = np.empty_like(bright), np.empty_like(bright)
+    for index, own in enumerate(bright):
         level, hiding = own / 2, np.zeros_like(own)
-        for other in range(len(everything)):
-            if other == index:
-                continue
-            light = everything[other]
-            if not light.any():
+        for other, light in enumerate(everything):
+            if other == index or not light.any():
                 continue
             apart = np.abs(depth[other] - depth[index]) >= VL53L8CX.separable_m
             hiding = np.maximum(hiding, np.where(apart, light, 0.0))
-            level = level + np.where(apart, 0.0, light * (0.5 if other < count else 1.0))
+            level = level + np.where(apart, 0.0, light * (0.5 if other < len(bright) else 1.0))
         contrast = simulation.room.markers[index].contrast
         amplitude[index] = contrast * np.maximum(own - hiding, 0.0)
         variance[index] = NOISE.floor + NOISE.slope * level

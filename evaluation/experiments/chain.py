@@ -56,12 +56,8 @@ def _samples(recording: Recording, detection: Detection) -> dict[str, Any]:
     signal = recording.signal[shown, detection.zones[0]].astype(np.float64)
     columns = np.column_stack([np.ones(len(share)), share])
     light = columns @ np.linalg.lstsq(columns, signal, rcond=None)[0]
-    return {
-        'time_s': time_s[shown].tolist(),
-        'signal': signal.tolist(),
-        'light': light.tolist(),
-        'start_s': start_s,
-    }
+    rows = {'time_s': time_s[shown], 'signal': signal, 'light': light}
+    return {name: row.tolist() for name, row in rows.items()} | {'start_s': start_s}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -82,8 +78,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             }
             for one in detector.candidates
         ]
-    if not detections:
-        raise ValueError(f'the marker is not read: {dict(detector.counts.rejected)}')
     detection = detections[0]
     by_paper = create_detector('paper', recording.grid).update_all(recording)
     return {
@@ -108,8 +102,8 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw samples, evidence of the candidates over time, and all tests of the one that is read."""
     candidates = figures['candidates']
     samples, highest = figures['samples'], max(figures['samples']['signal'])
-    read = [row['time_s'] for row in candidates if row['reason'] == _READ]
-    sent = min(len(figures['bits']), int((read[0] - samples['start_s']) / BIT_PERIOD_S))
+    read = [row for row in candidates if row['reason'] == _READ]
+    sent = min(len(figures['bits']), int((read[0]['time_s'] - samples['start_s']) / BIT_PERIOD_S))
     title = (
         f'Of {len(candidates)} candidates, {len(read)} passes all three tests, '
         f'when {sent} of {len(figures["bits"])} bits have come'
@@ -134,21 +128,13 @@ def draw(figures: dict[str, Any]) -> Any:
             below.plot(times_s, values, **others[name])
     threshold = figures['demands']
     # Only what has evidence is put to the other two tests.
-    for row in candidates:
-        if row['reason'] == _READ:
-            words = (
-                f'other bits: {row["word"]:.0f} (≤ {threshold["word"]:.0f})\n'
-                f'margin to other IDs: {row["margin"]:.0f} (≥ {threshold["margin"]:.0f})'
-            )
-            below.annotate(
-                words,
-                (row['time_s'], row['evidence']),
-                (-12, 5),
-                textcoords='offset points',
-                ha='right',
-                va='top',
-                fontsize=10.5,
-            )
+    for row in read:
+        words = (
+            f'other bits: {row["word"]:.0f} (≤ {threshold["word"]:.0f})\n'
+            f'margin to other IDs: {row["margin"]:.0f} (≥ {threshold["margin"]:.0f})'
+        )
+        how = {'textcoords': 'offset points', 'ha': 'right', 'va': 'top', 'fontsize': 10.5}
+        below.annotate(words, (row['time_s'], row['evidence']), (-12, 5), **how)
     draw_level(below, threshold['evidence'], 'threshold', 0.1, linestyle='--')
     below.margins(y=0.15)
     label(below, 'time [s]', 'evidence [nats]')

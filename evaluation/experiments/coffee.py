@@ -37,7 +37,6 @@ WAYS = {'joint': 'packets', 'tracks': 'tracks', 'paper': "the paper's method"}
 _TASKS = 2000  # drawn from the trials
 _QUICK_TRIALS = 4
 
-
 Outcome = tuple[float, dict[str, hand.PlaceError]]
 
 
@@ -141,79 +140,61 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def _looks(figures: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]]:
     """Return what looks at the objects, whose colour it has, and its figures."""
-    looks = [
-        (f'LiDAR, {words}', way, figures['methods'][way] | figures['methods'][way]['by_range'])
-        for way, words in WAYS.items()
+    methods, tags = figures['methods'], {'look_s': 1 / PICTURES_HZ}
+    return [
+        *((f'LiDAR, {WAYS[way]}', way, row | row['by_range']) for way, row in methods.items()),
+        ('AprilTag in our pictures', APRILTAG, figures['tags'] | tags),
+        ("AprilTag, the paper's 36 %", APRILTAG, figures['tags_of_the_paper'] | tags),
     ]
-    tags = {'look_s': 1 / PICTURES_HZ}
-    looks.append(('AprilTag in our pictures', APRILTAG, figures['tags'] | tags))
-    papers = figures['tags_of_the_paper'] | tags
-    return [*looks, ("AprilTag, the paper's 36 %", APRILTAG, papers)]
 
 
 def _median_mm(row: dict[str, Any]) -> float | None:
     """Return the median error of range, if it is known."""
-    if row.get('range_mm'):
-        return float(np.median(np.abs(row['range_mm'])))
-    median: float | None = row.get('median_mm')
-    return median
+    found = row.get('range_mm')
+    return float(np.median(np.abs(found))) if found else row.get('median_mm')
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return the times of the whole task, moves included."""
     heads = ['', 'a look', 'range, median error', 'off by more than 1 cm', 'looks']
     rows = [[*heads, 'task in all, mean']]
-    for name, _, row in _looks(figures):
-        look_s = as_text(row['look_s'], 's', 1)
-        if row['look_s'] is not None and row['look_s'] < 0.1:
-            look_s = as_text(1e3 * row['look_s'], 'ms', 0)
+    for name, kind, row in _looks(figures):
+        look_s = row['look_s']
+        time = as_text(1e3 * look_s, 'ms', 0) if kind == APRILTAG else as_text(look_s, 's', 1)
         task = (f'{row["bad"]:.0%}', f'{row["cycles"]:.1f}', f'{row["mean_s"]:.1f} s')
-        rows.append([name, look_s, as_text(_median_mm(row), 'mm', 1), *task])
+        rows.append([name, time, as_text(_median_mm(row), 'mm', 1), *task])
     return rows
 
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Return times and errors, to compare with the paper's."""
     both = [figures['methods'][method] for method in BOTH_CLAIMED]
-    median = [one for row in both if (one := _median_mm(row)) is not None]
-    tags = figures['tags_of_the_paper']['mean_s']
-    times = (as_text(row['by_range']['mean_s'], 's', 1) for row in both)
     return {
-        'task': claim_of(times),
-        'tags': model(f'{tags:.1f} s'),
-        'range': claim_of(as_text(one, 'mm', 1) for one in median),
+        'task': claim_of(as_text(row['by_range']['mean_s'], 's', 1) for row in both),
+        'tags': model(as_text(figures['tags_of_the_paper']['mean_s'], 's', 1)),
+        'range': claim_of(as_text(_median_mm(row), 'mm', 1) for row in both),
     }
-
-
-def _message(figures: dict[str, Any]) -> str:
-    rows = [figures['methods'][way] for way in ('joint', 'tracks')]
-    off_mm = [_median_mm(one) or 0.0 for one in rows]
-    times_s = [one['by_range']['mean_s'] for one in rows]
-    gain = 'tracks gain nothing'
-    if off_mm[1] < off_mm[0]:
-        gain = f'tracks are {off_mm[1]:.1f} mm off instead of {off_mm[0]:.1f} mm'
-    elif times_s[1] < times_s[0]:
-        gain = f'by tracks, in {times_s[1]:.1f} s'
-    return (
-        f'An arm places three objects in {times_s[0]:.1f} s; with tags, in '
-        f'{figures["tags"]["mean_s"]:.1f} s; {gain}'
-    )
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long the task takes, and errors of range, a bar for each way."""
-    figure, (times, wrong) = new_chart(2, 2, 3.6, _message(figures))
+    rows = [figures['methods'][way] for way in ('joint', 'tracks')]
+    off_mm = [_median_mm(one) or 0.0 for one in rows]
+    gain = 'tracks gain nothing'
+    if off_mm[1] < off_mm[0]:
+        gain = f'tracks are {off_mm[1]:.1f} mm off instead of {off_mm[0]:.1f} mm'
+    title = (
+        f'An arm places three objects in {rows[0]["by_range"]["mean_s"]:.1f} s; with tags, in '
+        f'{figures["tags"]["mean_s"]:.1f} s; {gain}'
+    )
+    figure, (times, wrong) = new_chart(2, 2, 3.6, title)
     bars = _looks(figures)[::-1]
     for place, (_, kind, row) in enumerate(bars):
-        median = _median_mm(row)
-        for axis, value, text in (
-            (times, row['mean_s'], f'{row["mean_s"]:.1f}'),
-            (wrong, median, as_text(median, '', 1)),
-        ):
+        for axis, value in ((times, row['mean_s']), (wrong, _median_mm(row))):
             axis.barh(place, value or 0.0, color=look(kind)['color'], height=0.6)
             box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5}
             at = {'xy': (value or 0.0, place), 'xytext': (4, 0), 'textcoords': 'offset points'}
-            axis.annotate(text, **at, va='center', fontsize=11, bbox=box)
+            axis.annotate(as_text(value, '', 1), **at, va='center', fontsize=11, bbox=box)
     times.axvline(PAPER_S, **line(':'))
     times.set_yticks(range(len(bars)), [words.removeprefix('LiDAR, ') for words, *_ in bars])
     wrong.set_yticks(range(len(bars)), [''] * len(bars))

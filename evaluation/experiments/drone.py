@@ -55,10 +55,8 @@ def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any
     """
     detector = create_detector(method, recording.grid)
     truths_m = position_at(marker, 1e-9 * recording.stamp_ns.astype(np.float64))
-    known_s: list[float] = []
-    range_mm: list[float] = []
     newest: Place | None = None
-    off_m, followed_m = [], []
+    known_s, range_mm, off_m, followed_m = [], [], [], []
     for step, truth_m in zip(watch(detector, recording, follow=True), truths_m, strict=True):
         for one in step.detections:
             if one.id == marker.id:
@@ -82,9 +80,8 @@ def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any
 
 def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:
     scene = flight(speed_m_s, hidden)
-    (marker,) = scene.markers
     recording = Simulation(scene, rng).run(duration_s)
-    watched = {method: _watched(method, recording, marker) for method in METHODS}
+    watched = {method: _watched(method, recording, scene.markers[0]) for method in METHODS}
     return {'speed_m_s': speed_m_s, 'hidden': hidden, **watched}
 
 
@@ -107,30 +104,23 @@ def claims(figures: dict[str, Any]) -> Claims:
         lost = [row['hidden'] for row in darker if row[method]['alive'][-1]['rate'] < PAPER_RATE]
         falls.append(f'hidden {lost[0]:.0%}' if lost else f'over {darker[-1]["hidden"]:.0%}')
     both = [figures['faster'][0][method] for method in BOTH_CLAIMED]
-    good = [
-        float(np.mean(np.abs(row['range_mm']) < PAPER_RANGE_MM)) if row['range_mm'] else 0.0
-        for row in both
-    ]
-    alive = [row['alive'][-1]['rate'] for row in both]
+    good = [np.abs(row['range_mm'] or np.inf) < PAPER_RANGE_MM for row in both]
     return {
-        'alive': shares(alive),
+        'alive': shares(row['alive'][-1]['rate'] for row in both),
         'falls': claim_of(falls),
-        'range': shares(good),
+        'range': shares(float(np.mean(one)) for one in good),
     }
-
-
-def _message(figures: dict[str, Any]) -> str:
-    row = max(figures['faster'], key=lambda one: one['joint']['off_mm'] or 0.0)
-    packets, tracks = (as_text(row['joint'][name], 'mm', 0) for name in ('off_mm', 'followed_mm'))
-    return (
-        f'At {row["speed_m_s"]:g} m/s, the worst speed, a drone is {packets} from its last packet, '
-        f'and {tracks} from its track (medians)'
-    )
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw windows with a reading, frames followed, and errors of place, over speed and shadow."""
-    figure, panels = new_chart(6, 2, 9, _message(figures))
+    row = max(figures['faster'], key=lambda one: one['joint']['off_mm'] or 0.0)
+    packets, tracks = (as_text(row['joint'][name], 'mm', 0) for name in ('off_mm', 'followed_mm'))
+    title = (
+        f'At {row["speed_m_s"]:g} m/s, the worst speed, a drone is {packets} from its last packet, '
+        f'and {tracks} from its track (medians)'
+    )
+    figure, panels = new_chart(6, 2, 9, title)
     axes = (
         ('faster', 'speed_m_s', 1, 'mean speed of the drift [m/s]'),
         ('darker', 'hidden', 100, 'hidden by the rotor [% of the time]'),

@@ -35,20 +35,14 @@ HANDS, HANDS_TURNS = 'hands', 3  # of a round, in which every other member has o
 ALL = 'all'
 _CORE = Path(__file__).resolve().parents[2] / 'core' / 'src'
 # Tracks follow markers that have been read; these sources read no ID.
-_TRACKS = {
-    f'retrolidar_{name}'
-    for name in (
-        *('followed', 'followed_range', 'pose', 'presence', 'range_filter'),
-        *('tracks', 'tracks_begin', 'tracks_state'),
-    )
-}
+_TRACKS = 'followed followed_range pose presence range_filter tracks tracks_begin tracks_state'
 
 
 def revision() -> str:
     """Return a hash of the sources by which IDs are read."""
     total = hashlib.sha256()
     for path in sorted(_CORE.glob('*.[ch]')):
-        if path.stem not in _TRACKS:
+        if path.stem.removeprefix('retrolidar_') not in _TRACKS.split():
             total.update(path.name.encode() + path.read_bytes())
     return total.hexdigest()[:12]
 
@@ -63,18 +57,12 @@ def _count(job: tuple[str, int, int, int, float]) -> tuple[int, float]:
     """Return the false IDs of a member's turn in a round, and what they took of a core [s]."""
     name, turn, seed, number, hours = job
     began_s = time.process_time()
-    (index,) = (place for place, member in enumerate(FAMILY) if member.name == name)
+    index = [member.name for member in FAMILY].index(name)
     rng = np.random.default_rng([seed, index, number, turn])
     detector = create_detector('joint', SENSOR.grid)
     blocks = FAMILY[index].blocks(3600 * hours, rng)
     events = sum(len(detector.update_all(block)) for block in blocks)
     return events, time.process_time() - began_s
-
-
-def _rows(figures: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of the core that was run last."""
-    last = figures['rows'][-1]['revision']
-    return [row for row in figures['rows'] if row['revision'] == last]
 
 
 def extend(
@@ -88,17 +76,13 @@ def extend(
     if path.exists():
         figures = json.loads(path.read_text(encoding='utf-8'))
     own, turns = revision(), _turns()
+    kept = [row for row in figures['rows'] if row['revision'] != own]
+    rows = {(row['seed'], row['member']): row for row in figures['rows'] if row['revision'] == own}
     path.parent.mkdir(parents=True, exist_ok=True)
     spawn, parent = get_context('spawn'), (os.getpid(),)
     with ProcessPoolExecutor(processes, spawn, end_with_parent, parent) as pool:
-        while sum(row['hours'] for row in figures['rows'] if row['revision'] == own) < hours:
-            kept = [row for row in figures['rows'] if row['revision'] != own]
-            rows = {
-                (row['seed'], row['member']): row
-                for row in figures['rows']
-                if row['revision'] == own
-            }
-            number = rows[seed, MEMBERS[0]]['rounds'] if (seed, MEMBERS[0]) in rows else 0
+        while sum(row['hours'] for row in rows.values()) < hours:
+            number = rows.get((seed, MEMBERS[0]), {'rounds': 0})['rounds']
             jobs = [(*turn, seed, number, turn_h) for turn in turns]
             for (name, _), (events, cpu_s) in zip(turns, pool.map(_count, jobs), strict=True):
                 none = {'revision': own, 'seed': seed, 'member': name, 'rounds': number}
@@ -110,14 +94,17 @@ def extend(
                 row['events'] += events
                 row['cpu_s'] = round(row['cpu_s'] + cpu_s, 1)
             figures = {'rows': [*kept, *rows.values()]}
-            spent_s = round(sum(row['cpu_s'] for row in _rows(figures)), 1)
+            spent_s = round(sum(row['cpu_s'] for row in rows.values()), 1)
             write_figures(path, figures, seed=seed, quick=turn_h < TURN_H, cpu_s=spent_s)
             yield f'{total(figures)["hours"]:g} h: {per_hour(total(figures))} an hour'
 
 
 def total(figures: dict[str, Any], member: str = ALL) -> Frequency:
     """Return the false IDs of the core that was run last, before a member or before all."""
-    rows = [row for row in _rows(figures) if member in (ALL, row['member'])]
+    last = figures['rows'][-1]['revision']
+    rows = [
+        row for row in figures['rows'] if row['revision'] == last and member in (ALL, row['member'])
+    ]
     return frequency(sum(row['events'] for row in rows), sum(row['hours'] for row in rows))
 
 
@@ -136,14 +123,8 @@ def draw(figures: dict[str, Any]) -> Any:
         how = look('joint') | {'linewidth': 4 if name == ALL else 2}
         axis.plot([one['low'], one['high']], [place, place], color=how['color'], alpha=0.4)
         axis.plot(one['per_hour'], place, **how)
-        axis.text(
-            1.01,
-            place,
-            f'{one["events"]} in {one["hours"]:g} h',
-            fontsize=9.5,
-            va='center',
-            transform=axis.get_yaxis_transform(),
-        )
+        beside = {'va': 'center', 'transform': axis.get_yaxis_transform()}
+        axis.text(1.01, place, f'{one["events"]} in {one["hours"]:g} h', fontsize=9.5, **beside)
     axis.axvline(budget, color='0.3', linestyle='--')
     axis.set_yticks(range(len(names)), names)
     label(axis, 'false IDs an hour, with 95 % confidence; dashed: the budget', xlim=(0, None))

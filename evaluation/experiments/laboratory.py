@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits by bright walls, cover glasses and other sensors."""
 
+import itertools
 import math
 from typing import Any
 
@@ -40,11 +41,11 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def _breaks_at(points: list[dict[str, Any]]) -> float:
     """Return at what value fewer packets are read than four fifths; infinity: at none."""
-    shares = [point[METHOD]['right']['rate'] for point in points]
-    few = [share < LEVEL * shares[0] for share in shares]
-    places = [float(point['place']) for point in points]
-    first = few.index(True) if any(few) else None
-    return math.inf if first is None else (places[first - 1] + places[first]) / 2
+    enough = LEVEL * points[0][METHOD]['right']['rate']
+    for before, point in itertools.pairwise(points):
+        if point[METHOD]['right']['rate'] < enough:
+            return float(before['place'] + point['place']) / 2
+    return math.inf
 
 
 def limits(panel: dict[str, Any]) -> list[str]:
@@ -59,14 +60,14 @@ def limits(panel: dict[str, Any]) -> list[str]:
 def _message(figures: dict[str, Any]) -> str:
     near, far = (LIMITS.index((at, False)) for at in RANGES_M)
     worst = min(figures['panels'], key=lambda panel: _breaks_at(panel['points'][far]))
-    near_at, far_at = (
-        f'from {at:.3g} {UNIT} on' if math.isfinite(at) else 'never'
-        for at in (_breaks_at(worst['points'][index]) for index in (near, far))
-    )
-    return (
-        f'{worst["title"].capitalize()} is worst: it hides a lone marker at {RANGES_M[-1]:g} m '
-        f'{far_at}, at {RANGES_M[0]:g} m {near_at}'
-    )
+
+    def hides(index: int) -> str:
+        at = _breaks_at(worst['points'][index])
+        when = f'from {at:.3g} {UNIT} on' if math.isfinite(at) else 'never'
+        return f'at {LIMITS[index][0]:g} m {when}'
+
+    title = worst['title'].capitalize()
+    return f'{title} is worst: it hides a lone marker {hides(far)}, {hides(near)}'
 
 
 def draw(figures: dict[str, Any]) -> Any:

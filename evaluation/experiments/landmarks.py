@@ -128,9 +128,9 @@ def draw(figures: dict[str, Any]) -> Any:
             at = [row[key] for row in chosen]
             axis.plot(at, [row['median_mm'] for row in chosen], **how | {'marker': 'o'})
             axis.plot(at, [row['stddev_mm'] for row in chosen], **how | {'linestyle': ':'})
+    tags = sorted(figures['tags'], key=lambda row: float(row['range_m']))
     for kind, pose_m in dict.fromkeys((row['kind'], row['pose_m']) for row in figures['tags']):
-        own = [row for row in figures['tags'] if (row['kind'], row['pose_m']) == (kind, pose_m)]
-        own.sort(key=lambda row: float(row['range_m']))
+        own = [row for row in tags if (row['kind'], row['pose_m']) == (kind, pose_m)]
         words = f'{kind}, ' + ('TF off by 2 mm, 0.2°' if pose_m else 'exact TF')
         style = look(APRILTAG if kind == APRILTAG else 'joint')
         style['linestyle'] = '--' if pose_m else '-'
@@ -143,10 +143,9 @@ def draw(figures: dict[str, Any]) -> Any:
     label(beside, 'distance of the object [m]', y, what, yscale='log')
     for axis in (baseline, number, beside):
         axis.yaxis.set_major_formatter('{x:g}')
+    for axis in (baseline, number):
+        axis.axhline(10, **line('--', '0.4'), linewidth=1)
     number.set_xticks(range(1, len(hand.CORNERS) + 1))
-    baseline.axhline(10, **line('--', '0.4'), linewidth=1)
-    number.axhline(10, **line('--', '0.4'), linewidth=1)
-    if figures['tags']:
-        legend_beside(beside)
+    legend_beside(beside)
     legend_below(figure, (), looks | {'estimated deviation': line(':')})
     return figure

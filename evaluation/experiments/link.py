@@ -21,9 +21,6 @@ from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Link budget'
 MESSAGE = 'The simulated link follows the laws put in'
-PAPER_EXPONENT = -3.8
-PAPER_BOARD_M = 1.4
-BOARD_SIGNAL = 4.0  # of a plain board of 9 cm² at `PAPER_BOARD_M` (paper §3.2) [kcps/SPAD]
 _RANGES_M = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0)
 _FAR_M = 1.5  # from here on the paper fits its power law
 _EDGES_M = (0.010, 0.015, 0.020, 0.025, 0.030, 0.040)
@@ -33,8 +30,8 @@ NEVER_S = 1e9
 
 
 def board_signal(range_m: float) -> float:
-    """Return what a bare board of 9 cm² sends back [kcps/SPAD]."""
-    return float(BOARD_SIGNAL * (range_m / PAPER_BOARD_M) ** PAPER_EXPONENT)
+    """Return what a bare board of 9 cm² sends back [kcps/SPAD]: 4 at 1.4 m (paper §3.2)."""
+    return float(4.0 * (range_m / 1.4) ** -3.8)
 
 
 def fit_line(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float]:
@@ -51,8 +48,7 @@ def bright_signal(
     scene = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S), size_m=size_m)
     if not wall:
         scene = replace(scene, surfaces=())
-    signal: Floats = Simulation(scene, rng).advance(frames).signal.astype(np.float64)
-    return signal
+    return Simulation(scene, rng).advance(frames).signal.astype(np.float64)
 
 
 def integrated_db(signal: Floats, integrated: int) -> float:
@@ -72,8 +68,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     of_areas = [float(bright_signal(_AT_M, edge, frames, rng).mean()) for edge in _EDGES_M]
     still = bright_signal(2.0, 0.03, 4 * frames, rng)
     snrs_db = [integrated_db(still, count) for count in _INTEGRATED]
-    far = [place for place in _RANGES_M if place >= _FAR_M]
-    exponent, _, distance_r2 = fit_line(np.log(far), np.log(signals[-len(far) :]))
+    far = _RANGES_M.index(_FAR_M)
+    exponent, _, distance_r2 = fit_line(np.log(_RANGES_M[far:]), np.log(signals[far:]))
     per_cm2, offset, area_r2 = fit_line(areas, of_areas)
     return {
         'ranges_m': list(_RANGES_M),

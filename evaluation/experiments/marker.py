@@ -115,36 +115,32 @@ def _mv(volts: float) -> str:
 
 def claims(figures: dict[str, Any]) -> Claims:
     """Return the model's values."""
-    lives, volts = figures['once_an_hour_h'], figures['at_1_m_v']
-    narrow = figures['narrow_m']
+    lives = figures['once_an_hour_h']
     return {
         'two-months': model(_days(lives['prototype'])),
         'two-years': model(_days(figures['mean_of_100_ua_h'])),
         'cheap-looks': model(_days(lives['100 µA in detection'])),
         'active': model(f'{figures["two_years_active_ma"]:.1f} mA'),
-        'powers': model(_mv(volts)),
+        'powers': model(_mv(figures['at_1_m_v'])),
         'voltages': model(_mv(figures['voltages_added_at_1_m_v'])),
         'outdoors': model(f'always awake, {figures["awake_h"]:.0f} h'),
         'guard': model(_mv(figures['amplifier']['guard_v'])),
         'woken': model(f'{figures["amplifier"]["false_per_hour"]:.0f}'),
-        'narrow': model(f'at most {narrow:.1f} m'),
+        'narrow': model(f'at most {figures["narrow_m"]:.1f} m'),
     }
-
-
-def _message(figures: dict[str, Any]) -> str:
-    wakes = as_text(figures['wakes_to_m']['indoors'])
-    # Where the noise that passes the first amplifier is all there is.
-    hourly_m = float(np.interp(AMPLIFIER_HZ, figures['bandwidths_hz'], figures['safe_m']))
-    lives = _days(figures['once_an_hour_h']['prototype'])
-    return (
-        f"With the paper's guard a marker wakes to {wakes} indoors, with one false wake-up an hour "
-        f'to {hourly_m:.1f} m; with a packet an hour its battery lasts {lives}'
-    )
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw voltages over distance, reach over the noise's bandwidth, and lives over queries."""
-    figure, (volts, reach, life) = new_chart(3, 2, 7.4, _message(figures))
+    wakes = as_text(figures['wakes_to_m']['indoors'])
+    # Where the noise that passes the first amplifier is all there is.
+    hourly_m = float(np.interp(AMPLIFIER_HZ, figures['bandwidths_hz'], figures['safe_m']))
+    lives = _days(figures['once_an_hour_h']['prototype'])
+    title = (
+        f"With the paper's guard a marker wakes to {wakes} indoors, with one false wake-up an hour "
+        f'to {hourly_m:.1f} m; with a packet an hour its battery lasts {lives}'
+    )
+    figure, (volts, reach, life) = new_chart(3, 2, 7.4, title)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
         course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'{angle}°')

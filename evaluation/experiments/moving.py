@@ -11,8 +11,7 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.rates import frequency, rate
-from evaluation.bench.recordings import Path, record, signal_at, to_and_fro
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import Path, record_at, to_and_fro
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene.reference import SENSOR
@@ -28,7 +27,7 @@ _ALONG_M = 0.3  # how far one that comes and goes does
 
 def across(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
     """Return the way of a marker through the view at a speed, at a distance [m]."""
-    half_m = _INNER * range_m * SENSOR.grid.pitch * SENSOR.grid.columns / 2
+    half_m = _INNER * range_m * SENSOR.grid.view / 2
     begin_m, down_m = rng.uniform(0, 4 * half_m), rng.uniform(-half_m, half_m)
 
     def path(time_s: Floats) -> Floats:
@@ -41,7 +40,7 @@ def across(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
 def along(speed_m_s: float, range_m: float, rng: np.random.Generator) -> Path:
     """Return the way of a marker that comes nearer and goes away."""
     begin_m = rng.uniform(0, 4 * _ALONG_M)
-    half = 0.5 * _INNER * SENSOR.grid.pitch * SENSOR.grid.columns / 2
+    half = 0.5 * _INNER * SENSOR.grid.view / 2
     tangents = rng.uniform(-half, half, 2)
 
     def path(time_s: Floats) -> Floats:
@@ -56,16 +55,15 @@ WAYS: dict[str, Way] = {'across the view': across, 'to and fro': along}
 
 
 def _followed(
-    way: Way, value: float, range_m: float, runs: int, rng: np.random.Generator
+    way: Way, speed_m_s: float, range_m: float, runs: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Return what both methods read of a marker that repeats while it moves."""
     packets, hours = 0, runs * DURATION_S / 3600
     wrong = dict.fromkeys(METHODS, 0)
     read = dict.fromkeys(METHODS, 0)
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
     for _ in range(runs):
-        path = way(value, range_m, rng)
-        sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
+        path = way(speed_m_s, range_m, rng)
+        sent = record_at(range_m, rng, path=path, repeated_s=DURATION_S)
         # The first packet began before the first frame, and the last may be read after its end.
         whole = range(1, math.floor((DURATION_S - sent.start_s[0]) / sent.packet_s) - 1)
         packets += len(whole)
@@ -78,10 +76,7 @@ def _followed(
             ]
             read[method] += len({math.floor(one / sent.packet_s) for one in middles_s} & {*whole})
     return {
-        method: {
-            'read': rate(read[method], packets),
-            'wrong': frequency(wrong[method], hours),
-        }
+        method: {'read': rate(read[method], packets), 'wrong': frequency(wrong[method], hours)}
         for method in METHODS
     }
 
@@ -91,8 +86,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     speeds, runs = ((0.0, 0.2), 1) if quick else (_SPEEDS_M_S, 8)
     curves = []
     for (name, way), range_m in itertools.product(WAYS.items(), RANGES_M):
-        followed = [_followed(way, speed, range_m, runs, rng) for speed in speeds]
-        points = [{'speed_m_s': at, **of} for at, of in zip(speeds, followed, strict=True)]
+        points = [{'speed_m_s': at, **_followed(way, at, range_m, runs, rng)} for at in speeds]
         curves.append({'way': name, 'range_m': range_m, 'points': points})
     return {'curves': curves}
 

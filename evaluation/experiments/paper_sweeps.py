@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bench.recordings import Sent, record, rng_at, signal_at
+from evaluation.bench.recordings import Sent, record, record_at, rng_at
 from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import sweeps
 from evaluation.report.chart_style import (
     SHADES,
+    WORDS,
     WRONG,
     draw_reads,
     label,
@@ -91,16 +92,12 @@ def turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
 
 def _aside(angle_deg: float, rng: np.random.Generator) -> Sent:
     """Return one marker at 1 m, at an angle from the axis, half-way between two rows of zones."""
-    angle, signal = math.radians(angle_deg), signal_at(1.0)
+    angle = math.radians(angle_deg)
 
     def path(time_s: Floats) -> Floats:
         return np.tile([math.sin(angle), 0.0, math.cos(angle)], (len(time_s), 1))
 
-    return record(PLAIN, signal, rng, range_m=1.0, path=path)
-
-
-def _lit(range_m: float, rng: np.random.Generator, *, light: float) -> Sent:
-    return record(PLAIN, signal_at(range_m), rng, ambient=light)
+    return record_at(1.0, rng, path=path)
 
 
 def _scaled(places_m: Sequence[float], factor: float) -> tuple[float, ...]:
@@ -133,9 +130,6 @@ SMALL_RECORDINGS = 4
 YAWS_DEG = (0, 20, 40, 50, 52, 54, 56, 57, 58, 59, 60)
 
 
-_OF = {'joint': 'default', 'paper': "the paper's method"}
-
-
 class Reading(sweeps.Sweep):
     """Distance, and how many of the bits that were read rightly had been wrong."""
 
@@ -157,22 +151,14 @@ class Reading(sweeps.Sweep):
             heights = 100 * np.array([point[method]['bits'] for point in points]).T / trials
             for height, below, colour in zip(heights, heights.cumsum(axis=0), SHADES, strict=True):
                 axis.bar(range(len(places)), height, 0.8, below - height, color=colour)
-            label(axis, 'distance [m]', '', f'read, {_OF[method]}', percent=True)
+            label(axis, 'distance [m]', '', f'read, {WORDS[method]}', percent=True)
             shown = range(0, len(places), 3)
             axis.set_xticks(shown, [f'{places[index]:g}' for index in shown])
             axis.grid(axis='x', visible=False)
-        bits[-1].legend(
-            handles=[
-                Patch(color=colour, label=name) for name, colour in zip(names, SHADES, strict=True)
-            ],
-            title='wrong bits',
-            loc='upper right',
-            fontsize=9,
-            frameon=False,
-            handlelength=1,
-            labelspacing=0.2,
-            borderaxespad=0,
-        )
+        handles = [Patch(color=one, label=name) for name, one in zip(names, SHADES, strict=True)]
+        close = {'handlelength': 1, 'labelspacing': 0.2, 'borderaxespad': 0}
+        how = {'loc': 'upper right', 'fontsize': 9, 'frameon': False} | close
+        bits[-1].legend(handles=handles, title='wrong bits', **how)
         others = {'its preamble found': line('-.', '0.3'), "the paper's reach": line(':')}
         legend_below(figure, METHODS, WRONG | others)
         return figure
@@ -189,8 +175,7 @@ def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
 
 def _reaches(figures: dict[str, Any], curve: str, unit: str = 'm') -> Claim:
     """Return to where both methods read."""
-    digits = 2 if unit == 'm' else 1
-    ends = _ends(figures, curve)
+    digits, ends = 2 if unit == 'm' else 1, _ends(figures, curve)
     return claim_of(NOT_READ if one is None else as_text(one, unit, digits) for one in ends)
 
 
@@ -300,7 +285,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         ),
         _DISTANCE,
         [
-            sweeps.Curve(name, partial(_lit, light=light), _where_lit(light), 4)
+            sweeps.Curve(name, partial(record_at, ambient=light), _where_lit(light), 4)
             for name, light in LIGHTS.items()
         ],
         _ambient_claims,

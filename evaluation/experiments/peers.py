@@ -10,8 +10,7 @@ import numpy as np
 
 from evaluation.bench.judging import judge_all, read_of
 from evaluation.bench.rates import nearest
-from evaluation.bench.recordings import Sent, record, rng_at, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import Sent, record_at, rng_at
 from evaluation.experiments import paper_sweeps
 from evaluation.experiments.moving import across
 from evaluation.experiments.paper_sweeps import lone, turned
@@ -47,8 +46,7 @@ _yawed, _small = partial(turned, range_m=AT_M), partial(lone, size_m=0.01)
 
 
 def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
-    path = across(speed_m_s, AT_M, rng)
-    return record(PLAIN, signal_at(AT_M), rng, range_m=AT_M, path=path)
+    return record_at(AT_M, rng, path=across(speed_m_s, AT_M, rng))
 
 
 Maker = Callable[[float, np.random.Generator], Sent]
@@ -81,10 +79,8 @@ def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, An
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]
         # Of one that moves, the range is another one at each stamp.
-        results[method] = {
-            **read_of(rows),
-            'error_mm': visual_markers.errors([] if make is _moved else off_m),
-        }
+        error_mm = None if make is _moved else visual_markers.errors(off_m)
+        results[method] = {**read_of(rows), 'error_mm': error_mm}
     return results
 
 

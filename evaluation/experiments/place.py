@@ -2,20 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of bearing and position, and whether the covariance is right."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.places import ELLIPSOID, held, place_error, rms
-from evaluation.report.chart_style import (
-    OTHERS,
-    label,
-    legend_below,
-    line,
-    new_chart,
-)
-from evaluation.report.claims import NOTHING, Claims, Table, as_text, model, percent
+from evaluation.report.chart_style import OTHERS, label, legend_below, line, new_chart
+from evaluation.report.claims import Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
@@ -39,12 +32,11 @@ _NAMES = {'alone': 'alone in a zone', 'between': 'between zones'}
 
 def random_scene(blur: float, rng: np.random.Generator, size_m: float = MARKER_SIZE_M) -> Scene:
     """Return one marker anywhere in the field of view, before a wall of any distance."""
-    half = SENSOR.grid.pitch * SENSOR.grid.columns / 2
+    half = SENSOR.grid.view / 2
     ray = np.append(rng.uniform(-half, half, 2), 1.0)
     x, y, z = (rng.uniform(*_RANGES_M) * ray / np.linalg.norm(ray)).tolist()
     id_, start_s = int(rng.choice(USABLE_IDS)), float(-rng.uniform(0, 1.3))
-    marker = Marker(id_, (x, y, z), 'marker', start_s=start_s, response=RESPONSE)
-    marker = replace(marker, size_m=size_m)
+    marker = Marker(id_, (x, y, z), size_m=size_m, start_s=start_s, response=RESPONSE)
     wall = Surface(z + float(rng.uniform(*_BEHIND_M)), float(rng.uniform(*_WALL_SIGNALS)))
     sensor = Sensor(noise=NOISE, ranging=RANGING, blur=blur)
     return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
@@ -86,8 +78,9 @@ def _error(scene: Scene, rng: np.random.Generator, **options: Any) -> tuple[Any,
     return None
 
 
-def _figures(blur: float, rows: list[tuple[Any, ...]]) -> dict[str, Any]:
-    distance, range_m, bearing, centre, axes = map(np.array, zip(*rows, strict=True))
+def _figures(blur: float, rows: list[tuple[Any, ...] | None]) -> dict[str, Any]:
+    read = [row for row in rows if row is not None]
+    distance, range_m, bearing, centre, axes = map(np.array, zip(*read, strict=True))
     bearing, centre = np.abs(bearing), np.abs(centre)
     along = {'alone': ~axes, 'between': axes}
     whole = {'alone': ~axes.any(axis=1), 'between': axes.any(axis=1)}
@@ -119,10 +112,10 @@ def _bearing_deg(told: bool, markers: int, seed: int) -> float | None:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors and coverage of markers alone in a zone and between zones, by blur."""
     markers = _QUICK_MARKERS if quick else 600
-    blurs = []
-    for blur in _BLURS:
-        rows = [_error(random_scene(blur, rng), rng) for _ in range(markers)]
-        blurs.append(_figures(blur, [row for row in rows if row is not None]))
+    blurs = [
+        _figures(blur, [_error(random_scene(blur, rng), rng) for _ in range(markers)])
+        for blur in _BLURS
+    ]
     seed = int(rng.integers(2**31))
     told = [_bearing_deg(told, markers // 4, seed) for told in (False, True)]
     return {'blurs': blurs, 'size_told_deg': told}
@@ -131,14 +124,12 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 def table(figures: dict[str, Any]) -> Table:
     """Return errors and coverage, by blur and by how many zones see the marker."""
     heads = ['blur: share of a zone', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid']
-    heads.append('median range error [mm]')
-    rows = [heads]
+    rows = [[*heads, 'median range error [mm]']]
     for row in figures['blurs']:
         for name, words in _NAMES.items():
-            holds = row['ellipsoid_holds'][name]
             cells = [as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg')]
-            cells.append(NOTHING if holds is None else percent(holds))
-            cells.append(as_text(1e3 * row['range_median_m'], '', 1))
+            cells += [percent(row['ellipsoid_holds'][name])]
+            cells += [as_text(1e3 * row['range_median_m'], '', 1)]
             rows.append([f'{words}, blur {row["blur"]:.0%}', *cells])
     for words, error in zip(('not told', 'told'), figures['size_told_deg'], strict=True):
         rows.append([f'{100 * LARGE_M:g} cm, size {words}', as_text(error, '°'), '', '', ''])
@@ -151,21 +142,14 @@ def claims(figures: dict[str, Any]) -> Claims:
     return {'range': model(f'{median_mm:.1f} mm of range')}
 
 
-def _message(figures: dict[str, Any]) -> str:
-    row = figures['blurs'][0]
-    off = {name: as_text(error, '°', 1) for name, error in row['bearing_rms_deg'].items()}
-    holds = [
-        one['rate'] for row in figures['blurs'] for one in row['ellipsoid_holds'].values() if one
-    ]
-    if not holds:
-        return 'Nothing was placed'
-    words = f'Bearings are {off["between"]} off between zones (rms), {off["alone"]} in one zone'
-    return f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
-
-
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the distribution of bearing errors, and of distances in standard deviations."""
-    figure, panels = new_chart(2, 2, 4.6, _message(figures))
+    blurs = figures['blurs']
+    off = {name: as_text(one, '°', 1) for name, one in blurs[0]['bearing_rms_deg'].items()}
+    holds = [one['rate'] for row in blurs for one in row['ellipsoid_holds'].values() if one]
+    words = f'Bearings are {off["between"]} off between zones (rms), {off["alone"]} in one zone'
+    title = f'{words}; {min(holds):.0%} to {max(holds):.0%} of markers are in their 95 % ellipsoid'
+    figure, panels = new_chart(2, 2, 4.6, title)
     axes = (
         ('bearing_deg', 'error of the bearing [°]', 8),
         ('distance', 'distance from the truth [deviations]', 5),
@@ -180,8 +164,9 @@ def draw(figures: dict[str, Any]) -> Any:
             values = np.sort(row[key][name])
             axis.plot(values, 100 * (np.arange(len(values)) + 0.5) / max(len(values), 1), **how)
         label(axis, x, 'markers [%]', percent=True, xlim=(0, most))
-    panels[1].axvline(np.sqrt(ELLIPSOID), **line('--', '0.4'), linewidth=1)
-    panels[1].axhline(95, **line('--', '0.4'), linewidth=1)
+    dashed = line('--', '0.4')
+    panels[1].axvline(np.sqrt(ELLIPSOID), **dashed, linewidth=1)
+    panels[1].axhline(95, **dashed, linewidth=1)
     others = {words: how for words, (_, _, how) in looks.items()}
-    legend_below(figure, (), others | {'95 % ellipsoid': line('--', '0.4')})
+    legend_below(figure, (), others | {'95 % ellipsoid': dashed})
     return figure

@@ -9,14 +9,13 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.rates import nearest
-from evaluation.bench.reference_scene import marker_in_each_zone
+from evaluation.bench.reference_scene import marker_in_each_zone, walls
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Floats
 
@@ -32,17 +31,6 @@ _KINDS = {
     'board': 'bare board',
 }
 _LOOKS = {'silent': {'color': '0.4', 'marker': 's'}, 'board': {'color': OTHERS[1], 'marker': '^'}}
-
-
-def board(range_m: float) -> Scene:
-    """Return a bare board in every zone and nothing else."""
-    return Scene(
-        sensor=SENSOR,
-        surfaces=tuple(
-            Surface(float(range_m * factor), board_signal(range_m), (zone,))
-            for zone, factor in enumerate(_GRID.z_per_range)
-        ),
-    )
 
 
 def mean_errors_m(scene: Scene, range_m: float, rng: np.random.Generator) -> Floats:
@@ -69,7 +57,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
                 errors[method] += [one.place.range_m - range_m for one in own]
             still = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S))
             errors['silent'] += mean_errors_m(still, range_m, rng).tolist()
-            errors['board'] += mean_errors_m(board(range_m), range_m, rng).tolist()
+            board = Scene(sensor=SENSOR, surfaces=walls(range_m, _GRID, board_signal(range_m)))
+            errors['board'] += mean_errors_m(board, range_m, rng).tolist()
         sizes = {kind: _summed(found) for kind, found in errors.items()}
         points.append({'range_m': range_m, **sizes})
     return {'points': points}
@@ -84,30 +73,24 @@ def claims(figures: dict[str, Any]) -> Claims:
 
     places = [one['range_m'] for one in figures['points'][:-1]]
     below = [max(at(place, kind) for place in places) for kind in BOTH_CLAIMED]
-    far, board_mm = [at(2.6, kind) for kind in BOTH_CLAIMED], at(2.0, 'board')
     return {
         'near': claim_of(as_text(one, 'mm', 1) for one in below),
-        'far': claim_of(as_text(one, 'mm', 1) for one in far),
-        'board': model(as_text(board_mm, 'mm', 1)),
+        'far': claim_of(as_text(at(2.6, kind), 'mm', 1) for kind in BOTH_CLAIMED),
+        'board': model(as_text(at(2.0, 'board'), 'mm', 1)),
     }
-
-
-def _message(figures: dict[str, Any]) -> str:
-    near, far = figures['points'][0], figures['points'][-1]
-
-    def words(point: dict[str, Any], kind: str) -> str:
-        return as_text(point[kind]['median_mm'], 'mm', 1)
-
-    return (
-        f'Ranges are {words(near, "joint")} off at {near["range_m"]:g} m and '
-        f"{words(far, 'joint')} at {far['range_m']:g} m; by the paper's method, "
-        f'{words(near, "paper")} and {words(far, "paper")}'
-    )
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw median and 95 % errors over distance."""
-    figure, (axis,) = new_chart(1, 1, 5, _message(figures))
+    ends = near, far = figures['points'][0], figures['points'][-1]
+    ours, papers = (
+        [as_text(point[kind]['median_mm'], 'mm', 1) for point in ends] for kind in METHODS
+    )
+    title = (
+        f'Ranges are {ours[0]} off at {near["range_m"]:g} m and {ours[1]} at '
+        f"{far['range_m']:g} m; by the paper's method, {papers[0]} and {papers[1]}"
+    )
+    figure, (axis,) = new_chart(1, 1, 5, title)
     places = [one['range_m'] for one in figures['points']]
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)

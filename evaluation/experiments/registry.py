@@ -13,6 +13,7 @@ import resource
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
@@ -45,14 +46,12 @@ LONG = ('false-ids', 'parts', 'track-ends')
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:
     """Draw the chart of an experiment to NAME.png, and its details, if any, to NAME-panels.png."""
     experiment = EXPERIMENTS[name]
-    charts = {name: experiment.draw}
-    if hasattr(experiment, 'draw_panels'):
-        charts[f'{name}-panels'] = experiment.draw_panels
-    for file, draw in charts.items():
-        chart = draw(figures)
-        if figures['run']['quick']:
-            mark_rough(chart)
-        chart.savefig(directory / f'{file}.png')
+    for draw, file in (('draw', name), ('draw_panels', f'{name}-panels')):
+        if hasattr(experiment, draw):
+            chart = getattr(experiment, draw)(figures)
+            if figures['run']['quick']:
+                mark_rough(chart)
+            chart.savefig(directory / f'{file}.png')
 
 
 def _cpu_s() -> float:
@@ -100,16 +99,13 @@ def run_experiments(
     directory.mkdir(parents=True, exist_ok=True)
     untimed = [name for name in names if name not in TIMED]
     untimed.sort(key=lambda name: name not in _LONGEST)
+    one = partial(run_experiment, directory=directory, quick=quick, seed=seed)
     cores = min(processes or os.cpu_count() or 1, len(untimed))
     if cores > 1:
         spawn, parent = get_context('spawn'), (os.getpid(),)
         with ProcessPoolExecutor(cores, spawn, end_with_parent, parent) as pool:
-            jobs = [
-                pool.submit(run_experiment, name, directory, quick=quick, seed=seed)
-                for name in untimed
-            ]
-            for job in as_completed(jobs):
+            for job in as_completed([pool.submit(one, name) for name in untimed]):
                 print(job.result(), flush=True)
         names = [name for name in names if name in TIMED]
     for name in names:
-        print(run_experiment(name, directory, quick=quick, seed=seed), flush=True)
+        print(one(name), flush=True)

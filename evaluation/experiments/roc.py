@@ -17,8 +17,7 @@ import numpy as np
 from evaluation.bench.disturbances import FAMILY, Member, source_blocks, white
 from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
-from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import record_at
 from evaluation.report.chart_style import label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
 from retrolidar_ros.detector import METHODS, Detection, create_detector
@@ -66,14 +65,18 @@ def _detections(options: Options, member: Member, hours: float, seed: int) -> li
     return watch(detector, member.blocks(3600 * hours, rng))
 
 
+def _counted(options: Options, member: Member, hours: float, seed: int) -> Frequency:
+    return frequency(len(_detections({'method': 'joint', **options}, member, hours, seed)), hours)
+
+
 def _by_budget(seed: int, share: float, budget: float) -> dict[str, Frequency]:
-    found, options = {}, {'method': 'joint', KNOBS['joint']: budget}
+    found = {}
     for member in FAMILY:
         if budget in BUDGETS_H:
             hours = share * BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
         else:
             hours = share * SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
-        found[member.name] = frequency(len(_detections(options, member, hours, seed)), hours)
+        found[member.name] = _counted({KNOBS['joint']: budget}, member, hours, seed)
     return found
 
 
@@ -95,27 +98,21 @@ def _by_threshold(seed: int, share: float) -> dict[float, dict[str, Frequency]]:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return identification of lone packets and false IDs an hour over the methods' knobs."""
     share = _QUICK_SHARE if quick else 1.0
-    sent = {
-        f'{at:g}': [record(PLAIN, signal_at(at), rng) for _ in range(1 if quick else 6)]
-        for at in _RANGES_M
-    }
+    sent = {f'{at:g}': [record_at(at, rng) for _ in range(1 if quick else 6)] for at in _RANGES_M}
     seed = int(rng.integers(2**32))
     budgets = {one: _by_budget(seed, share, one) for one in (*BUDGETS_H, SHIPPED['joint'])}
-    methods: dict[str, list[dict[str, Any]]] = {}
+    methods: dict[str, list[dict[str, Any]]] = {'joint': [], 'paper': []}
     for method, counted in {'joint': budgets, 'paper': _by_threshold(seed, share)}.items():
-        methods[method] = []
         for knob, members in counted.items():
             options = {'method': method, KNOBS[method]: knob}
             read = {at: read_of([judged(one, options) for one in of]) for at, of in sent.items()}
             methods[method].append({'knob': knob, 'members': members, 'read': read})
-    hours = share * WHITE_H
     settings: dict[str, Options] = {
         f'budget of {WHITE_BUDGET:g} an hour': {KNOBS['joint']: WHITE_BUDGET},
         **{f'{n} IDs registered': {'registered_ids': choose_ids(n)[0]} for n in REGISTERED},
     }
     before_white = {
-        name: frequency(len(_detections({'method': 'joint', **one}, FAMILY[0], hours, seed)), hours)
-        for name, one in settings.items()
+        name: _counted(one, FAMILY[0], share * WHITE_H, seed) for name, one in settings.items()
     }
     return {'methods': methods, 'before_white': before_white, 'silent': _silent(seed, share)}
 
@@ -151,13 +148,15 @@ def grouped(point: dict[str, Any], group: str) -> Frequency:
 def table(figures: dict[str, Any]) -> Table:
     """Return false IDs an hour as shipped, with their exact 95 % confidence."""
     points = [shipped(figures, method) for method in METHODS]
-    rows = {name: [grouped(point, name) for point in points] for name in (*GROUPS, STILL)}
-    rows |= {f'white, {name}': [one] for name, one in figures['before_white'].items()}
-    table = [['false IDs an hour (95 %), as shipped', *METHODS]]
-    for name, row in rows.items():
-        cells = [per_hour(one) for one in row]
-        table.append([name, *cells, *[''] * (2 - len(cells))])
-    return table
+    white = figures['before_white'].items()
+    return [
+        ['false IDs an hour (95 %), as shipped', *METHODS],
+        *(
+            [name, *(per_hour(grouped(point, name)) for point in points)]
+            for name in (*GROUPS, STILL)
+        ),
+        *([f'white, {name}', per_hour(one), ''] for name, one in white),
+    ]
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -175,8 +174,7 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     """Draw identification over the false IDs of a group, with the confidence of these."""
     for method in METHODS:
         for at, face in zip(_RANGES_M, _FACES, strict=True):
-            how = look(method) | {'markerfacecolor': face}
-            points = figures['methods'][method]
+            how, points = look(method) | {'markerfacecolor': face}, figures['methods'][method]
             found = [grouped(point, group) for point in points]
             shares = [100 * point['read'][f'{at:g}']['right']['rate'] for point in points]
             # Without any false ID, only the upper bound is known.
@@ -195,18 +193,15 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
     axis.margins(x=0.13)
 
 
-def _message(figures: dict[str, Any]) -> str:
+def draw(figures: dict[str, Any]) -> Any:
+    """Draw identification over false IDs, a panel for each kind of scene."""
     ours, paper = (grouped(shipped(figures, method), STILL) for method in METHODS)
     seen = f'{ours["per_hour"]:.2g} an hour' if ours['events'] else 'none seen'
-    return (
+    title = (
         f'False IDs as shipped, where nothing blinks: {seen}, at most '
         f"{ours['high']:.2g} an hour; by the paper's method {paper['per_hour']:.0f}"
     )
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw identification over false IDs, a panel for each kind of scene."""
-    figure, panels = new_chart(4, 2, 7.6, _message(figures))
+    figure, panels = new_chart(4, 2, 7.6, title)
     for axis, group in zip(panels, GROUPS, strict=True):
         _draw_group(axis, figures, group)
         x, y = 'false IDs an hour, 16 zones', 'lone packets identified [%]'

@@ -53,15 +53,12 @@ def summary(results: Sequence[RoomResult]) -> dict[str, Any]:
                 read[_cell(sent)] += was_read
         wrong.update(_cell(one) for one in result.scored.wrong)
     readings = [one for result in results for one in result.scored.readings]
+    mistaken = [margin for margin, right in readings if not right]
     frames = sum(result.frames for result in results)
     hours = sum(result.duration_s for result in results) / 3600
+    counts = {'packets': packets, 'read': read, 'wrong': wrong}
     cells = [
-        {
-            **dict(zip(_CELL, cell, strict=True)),
-            'packets': packets[cell],
-            'read': read[cell],
-            'wrong': wrong[cell],
-        }
+        dict(zip(_CELL, cell, strict=True)) | {name: of[cell] for name, of in counts.items()}
         for cell in sorted({*packets, *wrong})
     ]
     return {
@@ -69,13 +66,13 @@ def summary(results: Sequence[RoomResult]) -> dict[str, Any]:
         'hours': hours,
         'foreign_hours': sum(result.foreign_s for result in results) / 3600,
         'readings': len(readings),
-        'wrong': rate(sum(not right for _, right in readings), max(len(readings), 1)),
-        'wrong_per_hour': sum(not right for _, right in readings) / hours,
+        'wrong': rate(len(mistaken), max(len(readings), 1)),
+        'wrong_per_hour': len(mistaken) / hours,
         'by_margin': [
             {
                 'margin': margin,
                 'readings': sum(found >= margin for found, _ in readings),
-                'wrong': sum(found >= margin and not right for found, right in readings),
+                'wrong': sum(found >= margin for found in mistaken),
             }
             for margin in _MARGINS
         ],
@@ -96,17 +93,17 @@ def _place(results: Sequence[RoomResult], company: str, motion: str) -> dict[str
     """Return how far right readings are from their markers."""
     placed = [one for result in results for one in result.scored.placed]
     own = [one for one in placed if (one.company, one.motion) == (company, motion)]
-    off_mm = [1e3 * abs(one.error.range_m) for one in own]
-    bearing = [max(map(abs, one.bearing_zones)) for one in own]
-    quantiles = [
-        np.quantile(off, (0.5, 0.9)).tolist() if own else None for off in (off_mm, bearing)
-    ]
+
+    def quantiles(errors: list[float]) -> list[float] | None:
+        """Return what half, and what nine tenths are less off than."""
+        return np.quantile(errors, (0.5, 0.9)).tolist() if errors else None
+
     return {
         'company': company,
         'motion': motion,
         'readings': len(own),
-        'range_mm': quantiles[0],  # half and nine tenths are less off
-        'bearing_zones': quantiles[1],
+        'range_mm': quantiles([1e3 * abs(one.error.range_m) for one in own]),
+        'bearing_zones': quantiles([max(map(abs, one.bearing_zones)) for one in own]),
         'ellipsoid_holds': held([one.error.squared_distance for one in own]),
     }
 
@@ -183,17 +180,14 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw a map for each motion, of sending against signal: what is read, and wrong IDs."""
     figure, panels = new_chart(3, 3, 4.6, _message(figures))
     for axis, motion in zip(panels, MOTIONS, strict=True):
-        cells = [
-            [counted(figures, sending, motion, None, one) for one in SIGNALS]
-            for sending in SENDINGS
-        ]
-        shares = [
-            [read / packets if packets else np.nan for packets, read, _ in row] for row in cells
-        ]
+        cells = np.array(
+            [[counted(figures, one, motion, None, of) for of in SIGNALS] for one in SENDINGS]
+        )
+        shares = np.where(cells[..., 0], cells[..., 1] / np.maximum(cells[..., 0], 1), np.nan)
         axis.grid(visible=False)
         axis.imshow(shares, cmap='Blues', vmin=0, vmax=1, aspect='auto')
         for (y, x), share in np.ndenumerate(shares):
-            packets, read, wrong = cells[y][x]
+            packets, read, wrong = cells[y, x]
             how: dict[str, Any] = {'ha': 'center', 'va': 'center'}
             colour = 'white' if share > _DARK else 'black'
             few = {'fontweight': 'normal'} if packets < _FEW else {}
@@ -201,9 +195,8 @@ def draw(figures: dict[str, Any]) -> Any:
             axis.text(x, y + 0.08, f'of {packets}', color=colour, fontsize=9.5, **how)
             if wrong:
                 box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.5}
-                axis.text(
-                    x, y + 0.34, f'{wrong} wrong', color=WRONG_COLOUR, fontsize=9.5, bbox=box, **how
-                )
+                how |= {'color': WRONG_COLOUR, 'fontsize': 9.5, 'bbox': box}
+                axis.text(x, y + 0.34, f'{wrong} wrong', **how)
         axis.set_title(_MOTIONS[motion], fontsize=11.5)
         axis.set_xticks(range(len(SIGNALS)), _SHORT_DB, fontsize=10.5)
         names = list(_SENDINGS.values()) if axis is panels[0] else [''] * len(SENDINGS)

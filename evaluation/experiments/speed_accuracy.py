@@ -47,10 +47,8 @@ def _curves() -> dict[str, dict[str, Point]]:
     joint, paper = {'method': 'joint', 'max_packets': 1}, {'method': 'paper'}
     return {
         'joint: packets combined': {
-            f'{n}': Point(
-                joint | {'max_packets': n}, n, 3 if n > 1 else paper_sweeps.LONE_RECORDINGS
-            )
-            for n in (1, 2, 3, 5, 8)
+            '1': Point(joint, 1, paper_sweeps.LONE_RECORDINGS),
+            **{f'{n}': Point(joint | {'max_packets': n}, n, 3) for n in (2, 3, 5, 8)},
         },
         'joint: IDs registered': {
             f'{n}': Point(joint | {'registered_ids': some[:n]}) for n in (1000, 64, 16)
@@ -67,7 +65,7 @@ def _curves() -> dict[str, dict[str, Point]]:
 
 def _frame_ms(options: Options, times: int, rng: np.random.Generator) -> float:
     """Return the processor time per second of watching three markers that may be read [ms]."""
-    scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0), packets=None)
+    scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0))
     some = scene.markers[:: len(scene.markers) // _TALKING][:_TALKING]
     ids = rng.choice(options.get('registered_ids', USABLE_IDS), _TALKING, replace=False).tolist()
     markers = tuple(replace(one, id=id_) for one, id_ in zip(some, ids, strict=True))
@@ -113,27 +111,25 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
 def _cameras(seed: int, *, quick: bool) -> dict[str, list[dict[str, Any]]]:
     """Return what the settings of readers of visual markers cost and give, of the same pictures."""
     decimations = (4.0, 3.0, 2.0, 1.5, 1.0)[:: 2 if quick else 1]
-    knobs: dict[str, list[tuple[str, Reader]]] = {
-        'AprilTag: decimation': [
-            (f'{one:g}', AprilTagReader(f'tag {one:g}', one)) for one in decimations
-        ],
-        'AprilTag: two threads': [('2', AprilTagReader('threads', threads=2))],
+    knobs: dict[str, dict[str, Reader]] = {
+        'AprilTag: decimation': {
+            f'{one:g}': AprilTagReader(f'tag {one:g}', one) for one in decimations
+        },
+        'AprilTag: two threads': {'2': AprilTagReader('threads', threads=2)},
     }
     with suppress(ImportError):  # `peers` says what is missing
-        knobs['QR code: zbar'] = [('', QrReader())]
-    readers = [reader for settings in knobs.values() for _, reader in settings]
+        knobs['QR code: zbar'] = {'': QrReader()}
+    readers = [reader for settings in knobs.values() for reader in settings.values()]
     ranges_m = paper_sweeps.TAG_RANGES_M[:: 5 if quick else 1]
     found = visual_markers.read_over_distance(readers, ranges_m, seed, quick=quick)
     background = Background(np.random.default_rng(seed))
 
     def summed(text: str, reader: Reader) -> dict[str, Any]:
-        rng = np.random.default_rng(seed)
-        cpu_ms = visual_markers.picture_cost(
-            reader, background, 1 if quick else 4, rng, View(_AT_M)
-        )
+        rng, pictures = np.random.default_rng(seed), 1 if quick else 4
+        cpu_ms = visual_markers.picture_cost(reader, background, pictures, rng, View(_AT_M))
         return _summed(text, cpu_ms, ranges_m, [one[reader.name] for one in found])
 
-    return {name: [summed(*one) for one in settings] for name, settings in knobs.items()}
+    return {name: [summed(*one) for one in of.items()] for name, of in knobs.items()}
 
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -158,11 +154,9 @@ def table(figures: dict[str, Any]) -> Table:
     heads = ['settings', 'ms of a core a second', '80 % to [m]', 'half to [m]', 'wrong IDs']
 
     def cells(point: dict[str, Any]) -> list[str]:
-        reaches = (
-            end_as_text(point[key], '', level=level)
-            for key, level in (('reach_m', LEVEL), ('half_m', 0.5))
-        )
-        return [point['label'], f'{point["cpu_ms"]:.0f}', *reaches, f'{point["wrong"]["rate"]:.1%}']
+        most, half = end_as_text(point['reach_m'], ''), end_as_text(point['half_m'], '', level=0.5)
+        wrong = f'{point["wrong"]["rate"]:.1%}'
+        return [point['label'], f'{point["cpu_ms"]:.0f}', most, half, wrong]
 
     rows = [['knob', *heads]]
     for name, points in figures['curves'].items():

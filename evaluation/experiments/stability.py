@@ -7,7 +7,6 @@ without the stress. It is found by bisection.
 """
 
 import itertools
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from evaluation.bench.judging import BOTH, judge_all, read_of
 from evaluation.bench.rates import LEVEL
-from evaluation.bench.recordings import record, signal_at
+from evaluation.bench.recordings import record_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.report.chart_style import WRONG, draw_reads, label, legend_below, look, new_chart
 from retrolidar_ros.detector import METHODS
@@ -37,9 +36,8 @@ def read(
 ) -> dict[str, Any]:
     """Return what methods read at a value of a panel under a condition."""
     range_m, repeats = where
-    repeated_s = REPEATED_S if repeats else None
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': repeated_s}
-    make = partial(record, panel.stress(panel.values[index]), signal_at(range_m), **how)
+    stress, repeated_s = panel.stress(panel.values[index]), REPEATED_S if repeats else None
+    make = partial(record_at, range_m, stress=stress, repeated_s=repeated_s)
     rng, variants = np.random.default_rng([seed, index]), {name: BOTH[name] for name in names}
     found = judge_all(make, recordings, rng, variants, lone=not repeats)
     return {name: read_of(rows) for name, rows in found.items()}
@@ -104,18 +102,14 @@ def _falls(panel: dict[str, Any]) -> bool:
     return bool(panel['points'][0]['place'] > panel['points'][-1]['place'])
 
 
-def _message(panels: Sequence[dict[str, Any]]) -> str:
-    better = sum(_tolerated(panel, 'joint') > _tolerated(panel, 'paper') for panel in panels)
-    return (
-        f"The default tolerates {better} of {len(panels)} stresses better than the paper's method"
-    )
-
-
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a pair of bars for every stress: how much of it both methods tolerate."""
     panels = sorted(figures['panels'], key=lambda panel: _tolerated(panel, 'joint'))
-    figure, (axis,) = new_chart(1, 1, 1.6 + 0.46 * len(panels), _message(panels))
-    places = np.arange(len(panels))
+    better = sum(_tolerated(panel, 'joint') > _tolerated(panel, 'paper') for panel in panels)
+    count = len(panels)
+    title = f"The default tolerates {better} of {count} stresses better than the paper's method"
+    figure, (axis,) = new_chart(1, 1, 1.6 + 0.46 * count, title)
+    places = np.arange(count)
     for method, shift in zip(METHODS, (0.2, -0.2), strict=True):
         shares = [100 * _tolerated(panel, method) for panel in panels]
         axis.barh(places + shift, shares, 0.38, color=look(method)['color'])

@@ -81,8 +81,7 @@ class Sweep:
 
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a panel for each curve."""
-        count = len(figures['curves'])
-        curves = [(one.name, figures['curves'][one.name]) for one in self.curves]
+        curves, count = figures['curves'].items(), len(figures['curves'])
         columns = 2 if count == 4 else min(3, count)
         height = (4.6 if count == 1 else 3.2) * -(-count // columns) + 1
         figure, panels = new_chart(count, columns, height, self.message(figures))

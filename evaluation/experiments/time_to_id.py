@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, Options, judged
 from evaluation.bench.rates import LEVEL, nearest
-from evaluation.bench.recordings import SILENCE_BITS, Sent, record, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import SILENCE_BITS, Sent, record_at
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, read_over_distance
 from evaluation.report.chart_style import draw_level, label, line, look, name_curve, new_chart
@@ -43,9 +42,8 @@ _NEVER = f'>{TIMEOUT_S:.0f} s'
 
 def appearing(range_m: float, rng: np.random.Generator) -> Sent:
     """Return markers that have always been sending and come into view at `VIEW_S`."""
-    sent = record(PLAIN, signal_at(range_m), rng, repeated_s=VIEW_S + TIMEOUT_S)
-    before = sent.recording.stamp_ns < VIEW_S * 1e9
-    return _dark(sent, before[:, None], rng)
+    sent = record_at(range_m, rng, repeated_s=VIEW_S + TIMEOUT_S)
+    return _dark(sent, sent.recording.stamp_ns[:, None] < VIEW_S * 1e9, rng)
 
 
 def _dark(sent: Sent, where: NDArray[np.bool_], rng: np.random.Generator) -> Sent:
@@ -117,9 +115,9 @@ def _by_pictures(share: float, read: float) -> float | None:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return times to the first right ID over distance."""
-    readers = [AprilTagReader()]
     ranges_m, points = _RANGES_M[:: 3 if quick else 1], []
-    pictures = read_over_distance(readers, ranges_m, int(rng.integers(2**31)), quick=quick)
+    seed = int(rng.integers(2**31))
+    pictures = read_over_distance([AprilTagReader()], ranges_m, seed, quick=quick)
     for range_m, found in zip(ranges_m, pictures, strict=True):
         sent = [appearing(range_m, rng) for _ in range(1 if quick else 3)]
         times_s: dict[str, list[NDArray[np.float64]]] = {
@@ -129,8 +127,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         point: dict[str, Any] = {'range_m': range_m}
         for name, rows in times_s.items():
             point[name] = [time_by_which(share, np.concatenate(rows)) for share in SHARES]
-        for name, result in found.items():
-            point[name] = [_by_pictures(share, result['right']['rate']) for share in SHARES]
+        read = found[APRILTAG]['right']['rate']
+        point[APRILTAG] = [_by_pictures(share, read) for share in SHARES]
         points.append(point)
     return {'points': points, 'least_s': _min_s(rng)}
 

@@ -48,40 +48,31 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     return {'ranges_m': _RANGES_M, 'rows': rows}
 
 
-def _message(figures: dict[str, Any]) -> str:
-    used = next(one for one in figures['rows'] if one['gone_bits'] == _USED_BITS)
-    vanished, bright = (
-        f'{max(one[-1] for one in used["ends"][end]):.2f} s' for end in ('vanished', 'stays bright')
-    )
-    return (
-        f'95 of 100 markers that vanish are dropped within {vanished}, '
-        f'that stay bright within {bright}'
-    )
-
-
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the time until tracks end, and how often they end falsely, over the bits unseen."""
     rows = figures['rows']
+    used = next(one['ends'] for one in rows if one['gone_bits'] == _USED_BITS)
+    vanished, bright = (max(one[-1] for one in used[end]) for end in ('vanished', 'stays bright'))
+    title = (
+        f'95 of 100 markers that vanish are dropped within {vanished:.2f} s, '
+        f'that stay bright within {bright:.2f} s'
+    )
     bits = [one['gone_bits'] for one in rows]
-    figure, (times, ends) = new_chart(2, 2, 4.2, _message(figures))
-    for colour, name in zip(OTHERS, rows[0]['ends'], strict=False):
+    figure, (times, ends) = new_chart(2, 2, 4.2, title)
+    for colour, name in zip(OTHERS, ENDS, strict=False):
         times.plot([], [], color=colour, label=name)
         for index, style in enumerate('-:'):
             worst = [one['ends'][name][index][-1] for one in rows]
             times.plot(bits, worst, color=colour, linestyle=style, marker='o')
-    for range_m, style in zip(figures['ranges_m'], '-:', strict=True):
+    for range_m, style in zip(_RANGES_M, '-:', strict=True):
         times.plot([], [], **line(style), label=f'at {range_m:g} m')
-    hourly = {
-        scene: [one['false_ends_an_hour'][scene] for one in rows]
-        for scene in rows[0]['false_ends_an_hour']
-    }
+    hourly = {scene: [one['false_ends_an_hour'][scene] for one in rows] for scene in SCENES}
     often, never = ([s for s in hourly if any(hourly[s]) == has] for has in (True, False))
     for colour, sign, scene in zip(SHADES, 'osDv^', often, strict=False):
         ends.plot(bits, hourly[scene], color=colour, marker=sign, label=scene)
-    label(times, 'gone after bits unseen', '95 % are dropped after [s]', '')
-    title = f'no track ends falsely if {" or ".join(never)}' if never else ''
-    label(ends, 'gone after bits unseen', 'false ends [1/h]', title)
-    ends.set(yscale='symlog', ylim=(-0.1, None))
+    x, title = 'gone after bits unseen', f'no track ends falsely if {" or ".join(never)}'
+    label(times, x, '95 % are dropped after [s]')
+    label(ends, x, 'false ends [1/h]', title if never else '', yscale='symlog', ylim=(-0.1, None))
     for axis in (times, ends):
         axis.axvline(_USED_BITS, color='0.7', linewidth=1)
         axis.text(_USED_BITS + 0.1, 0.15, 'as shipped', transform=axis.get_xaxis_transform())

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracks of markers that move: their errors at every frame."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -10,8 +11,7 @@ import numpy as np
 
 from evaluation.bench.following import SECONDS_S, play, shared_figures, two_in_a_zone
 from evaluation.bench.places import held, place_error, rms, rms_mm
-from evaluation.bench.recordings import record, signal_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import record_at
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, View, read_pictures
@@ -33,29 +33,24 @@ _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a s
 def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator) -> dict[str, Any]:
     """Return errors of a marker's packets and tracks while it moves."""
     path = WAYS[way](speed_m_s, range_m, rng)
-    how: dict[str, Any] = {'range_m': range_m, 'repeated_s': DURATION_S}
-    sent = record(PLAIN, signal_at(range_m), rng, path=path, **how)
+    sent = record_at(range_m, rng, path=path, repeated_s=DURATION_S)
     _, steps = play(sent.recording)
 
     def error(one: Any) -> Any:
         return place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
 
+    detections = [one for step in steps for one in step.detections if one.id == sent.ids[0]]
     own = [one for step in steps for one in step.tracks if one.id == sent.ids[0]]
-    detections = [one for step in steps for one in step.detections]
     began_ns = min((one.stamp_ns for one in own), default=0)
-    settled = [one for one in own if one.stamp_ns - began_ns > 1e9 * _SETTLED_S]
-    errors = [error(one) for one in settled]
-    bright = [index for index, one in enumerate(settled) if one.last_ns == one.stamp_ns]
+    settled = [(one, error(one)) for one in own if one.stamp_ns - began_ns > 1e9 * _SETTLED_S]
+    bright = [wrong.range_m for one, wrong in settled if one.last_ns == one.stamp_ns]
     frames = sum(1e-9 * (int(at) - began_ns) > _SETTLED_S for at in sent.recording.stamp_ns)
     return {
-        'packets': [error(one).range_m for one in detections if one.id == sent.ids[0]],
-        'bright': [errors[index].range_m for index in bright],
-        'all': [one.range_m for one in errors],
-        'pull': [
-            one.range_m / track.place.range_stddev_m
-            for one, track in zip(errors, settled, strict=True)
-        ],
-        'squared': [one.squared_distance for one in errors],
+        'packets': [error(one).range_m for one in detections],
+        'bright': bright,
+        'all': [wrong.range_m for _, wrong in settled],
+        'pull': [wrong.range_m / one.place.range_stddev_m for one, wrong in settled],
+        'squared': [wrong.squared_distance for _, wrong in settled],
         'updates_hz': len(bright) / max(frames * SENSOR.period_s, 1e-9),
     }
 
@@ -76,28 +71,18 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors over speed for packets, tracks and a tag."""
     runs = 1 if quick else _RUNS
     curves = []
-    for way in WAYS:
-        for range_m in RANGES_M:
-            points = [
-                {'speed_m_s': at, **_sum([_moving(way, at, range_m, rng) for _ in range(runs)])}
-                for at in _SPEEDS_M_S
-            ]
-            curves.append({'way': way, 'range_m': range_m, 'points': points})
-    shared = [
-        {
-            'apart_m': apart_m,
-            'begins': begins,
-            **shared_figures(
-                [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
-            ),
-        }
-        for begins in SECONDS_S
-        for apart_m in _APART_M
-    ]
-    tags = [AprilTagReader()]
+    for way, range_m in itertools.product(WAYS, RANGES_M):
+        points = [
+            {'speed_m_s': at, **_sum([_moving(way, at, range_m, rng) for _ in range(runs)])}
+            for at in _SPEEDS_M_S
+        ]
+        curves.append({'way': way, 'range_m': range_m, 'points': points})
+    shared = []
+    for begins, apart_m in itertools.product(SECONDS_S, _APART_M):
+        two = [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
+        shared.append({'apart_m': apart_m, 'begins': begins, **shared_figures(two)})
     background = Background(rng)
-    pictures = 5 if quick else _PICTURES
-    read = partial(read_pictures, tags, background, pictures, rng)
+    read = partial(read_pictures, [AprilTagReader()], background, 5 if quick else _PICTURES, rng)
     seen = {
         words: [
             read(View(RANGES_M[0], speed_m_s=at, longest_s=longest_s))[APRILTAG]
@@ -155,12 +140,8 @@ def shared_table(figures: dict[str, Any]) -> Table:
 
 def points_at(figures: dict[str, Any], way: str) -> list[dict[str, Any]]:
     """Return the points of one way at the first distance."""
-    points: list[dict[str, Any]] = next(
-        one['points']
-        for one in figures['curves']
-        if (one['way'], one['range_m']) == (way, RANGES_M[0])
-    )
-    return points
+    found: dict[str, Any] = next(one for one in figures['curves'] if one['way'] == way)
+    return list(found['points'])
 
 
 def _message(figures: dict[str, Any]) -> str:
@@ -181,30 +162,23 @@ def draw(figures: dict[str, Any]) -> Any:
     figure, panels = new_chart(2, 2, 4.4, _message(figures))
     for axis, way in zip(panels, WAYS, strict=True):
         points = points_at(figures, way)
-        curves = {
-            (name, words): ([one['speed_m_s'] for one in points], [one[key] for one in points], '-')
+        curves = [
+            (name, words, '-', [one[key] for one in points])
             for key, (name, words) in _CURVES.items()
-        }
+        ]
         if axis is panels[0]:
-            for words, tags in figures['apriltag'].items():
+            for style, (words, tags) in zip('-:', figures['apriltag'].items(), strict=True):
                 errors = [one['error_mm'] and one['error_mm']['rms'] for one in tags]
-                style = '-' if words == next(iter(_EXPOSURES_S)) else ':'
-                curves[APRILTAG, f'tag, exposed {words}'] = (
-                    [*_SPEEDS_M_S[: len(tags)]],
-                    errors,
-                    style,
-                )
-        for (name, words), (speeds, errors, style) in curves.items():
-            known = [(at, mm) for at, mm in zip(speeds, errors, strict=True) if mm]
+                curves.append((APRILTAG, f'tag, exposed {words}', style, errors))
+        for name, words, style, errors in curves:
+            known = [(at, mm) for at, mm in zip(_SPEEDS_M_S, errors, strict=True) if mm]
             if known:
                 axis.plot(*zip(*known, strict=True), **look(name) | {'linestyle': style})
-                x, y = known[-1]
+                speed, off_mm = known[-1]
                 # Names of tags stand below their curves.
-                ends_early = x < 0.2
-                lower = 0.62 if ends_early else 0.4
+                lower, ha = (0.62, 'left') if speed < 0.2 else (0.4, 'right')
                 higher = lower if name == APRILTAG else 1.4
-                how = {'ha': 'left' if ends_early else 'right'}
-                name_curve(axis, name, words, (x, higher * y), **how)
+                name_curve(axis, name, words, (speed, higher * off_mm), ha=ha)
         x, y, title = 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m'
         label(axis, x, y, title, yscale='log', ylim=(0.2, 300), yticks=(0.3, 1, 3, 10, 30, 100))
     return figure

@@ -10,6 +10,7 @@ import ctypes
 import math
 import re
 import time
+from collections import Counter
 from collections.abc import Sequence
 from itertools import groupby
 from operator import attrgetter
@@ -206,12 +207,10 @@ def read_pictures(
 
     Readers of one kind of marker get the same pictures.
     """
-    results = {}
+    hits, wrong = Counter[str](), Counter[str]()
+    errors_m: dict[str, list[float]] = {reader.name: [] for reader in readers}
     for _, group in groupby(readers, key=attrgetter('kind')):
         alike = list(group)
-        hits = {reader.name: 0 for reader in alike}
-        wrong = dict(hits)
-        errors_m: dict[str, list[float]] = {reader.name: [] for reader in alike}
         for _ in range(pictures):
             identity = int(rng.integers(IDS))
             light, window = _marker_before(background, alike[0], identity, view, rng)
@@ -222,13 +221,12 @@ def read_pictures(
                 hits[reader.name] += bool(right)
                 wrong[reader.name] += len(sightings) > len(right)
                 errors_m[reader.name] += right
-        for name, count in hits.items():
-            results[name] = Result(
-                right=rate(count, pictures),
-                wrong=rate(wrong[name], pictures),
-                error_mm=errors(errors_m[name]),
-            )
-    return results
+
+    def result(name: str) -> Result:
+        right, others = rate(hits[name], pictures), rate(wrong[name], pictures)
+        return Result(right=right, wrong=others, error_mm=errors(errors_m[name]))
+
+    return {name: result(name) for name in errors_m}
 
 
 def read_over_distance(
@@ -250,15 +248,14 @@ def _marker_before(
 ) -> tuple[Floats, Window]:
     """Return the light around a marker at a random place, wholly in the picture."""
     plate = reader.plate(identity, view.size_m)
-    pose = camera.facing_pose(
-        view.range_m, camera.FOCAL_PX * plate.side_m / view.range_m, _MAX_ROLL_RAD, rng
-    )
+    margin_px = FOCAL_PX * plate.side_m / view.range_m
+    pose = camera.facing_pose(view.range_m, margin_px, _MAX_ROLL_RAD, rng)
     pose = camera.tilted(pose, math.radians(view.yaw_deg), math.radians(view.pitch_deg))
     light, window = background.with_plate(plate.cells, plate.side_m, pose)
     if view.speed_m_s:
         # Light is smeared as a whole: marker and background move alike.
         open_s = camera.exposure_s(view.lux, view.longest_s)
-        light = camera.smear(light, camera.FOCAL_PX * view.speed_m_s * open_s / view.range_m)
+        light = camera.smear(light, FOCAL_PX * view.speed_m_s * open_s / view.range_m)
     return light, window
 
 

@@ -33,10 +33,9 @@ _SIDE_M = 0.4  # of the square from whose corners landmarks are looked at
 _EXPOSURE = '4 ms'  # with which tags are read while they move
 
 
-def _row(what: str, ours: str, paper: str, tag: str, *, wins: bool | None = None) -> list[str]:
+def _row(what: str, ours: str, paper: str, tag: str, *, wins: bool) -> list[str]:
     """Return a row of the headlines, bold what is better: ours if it `wins`, else the tag's."""
-    bold = {True: (f'**{ours}**', tag), False: (ours, f'**{tag}**'), None: (ours, tag)}
-    return [what, bold[wins][0], paper, bold[wins][1]]
+    return [what, f'**{ours}**', paper, tag] if wins else [what, ours, paper, f'**{tag}**']
 
 
 def headlines(report: Report) -> str:
@@ -50,7 +49,7 @@ def headlines(report: Report) -> str:
         ours_m, tag_m = (peers.end(figures, size, name) or 0.0 for name in ('joint', APRILTAG))
         rows.append(_row(what, as_text(ours_m), paper, as_text(tag_m), wins=ours_m > tag_m))
     several = as_text(end_of(report['reach'], '3 cm, 8 packets', 'joint'))
-    rows.append(_row('… of 3 cm, in 8 packets?', several, NOTHING, NOTHING))
+    rows.append(['… of 3 cm, in 8 packets?', several, NOTHING, NOTHING])
     few_s, any_s, tag_s = (
         time_to_id.at(soon, name, 1.0) for name in (REGISTERED, 'joint', APRILTAG)
     )
@@ -74,8 +73,7 @@ def headlines(report: Report) -> str:
     rows.append(_row(what, ours, NOTHING, tag, wins=cpu_ms[0] < cpu_ms[1]))
     one = false_ids.total(report[false_ids.NAME])
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
-    what = 'How often is an ID read where there is no marker?'
-    rows.append(_row(what, counted, '"none"', NOTHING))
+    rows.append(['How often is an ID read where there is no marker?', counted, '"none"', NOTHING])
     lux = peers.words(figures, 'light', APRILTAG, 1)
     rows.append(_row('Does it need light?', 'no', 'no', f'yes: {lux}', wins=True))
     return markdown(rows)
@@ -83,19 +81,18 @@ def headlines(report: Report) -> str:
 
 def reach(report: Report) -> str:
     """Return how far markers are read."""
-    one, more = report['reading'], report['reach']
     curves = {
-        '3 cm, one packet (1.3 s)': (one, '3 cm'),
-        **{
-            f'{size} cm, within {packets} packets': (more, f'{size} cm, {packets} packets')
-            for size in (3, 1)
-            for packets in (3, 8)
-        },
-        '1 cm, one packet (1.3 s)': (more, '1 cm, one packet'),
+        '3 cm, one packet (1.3 s)': 'reading 3 cm',
+        '3 cm, within 3 packets': 'reach 3 cm, 3 packets',
+        '3 cm, within 8 packets': 'reach 3 cm, 8 packets',
+        '1 cm, within 3 packets': 'reach 1 cm, 3 packets',
+        '1 cm, within 8 packets': 'reach 1 cm, 8 packets',
+        '1 cm, one packet (1.3 s)': 'reach 1 cm, one packet',
     }
     rows: Table = [['80 % are read to', 'default', 'method `paper`']]
-    for what, (figures, curve) in curves.items():
-        ends = figures['curves'][curve]['ends']
+    for what, curve in curves.items():
+        name, _, own = curve.partition(' ')
+        ends = report[name]['curves'][own]['ends']
         rows.append([what, *(end_as_text(ends[method], '[m]') for method in BOTH)])
     return markdown(rows)
 

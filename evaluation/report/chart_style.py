@@ -23,7 +23,7 @@ _LOOKS = {
     'genie': ('#555555', '*'),
 }
 _BENEATH = ('joint', 'AprilTag')  # drawn first and broad, so that no other hides them
-_WORDS = {
+WORDS = {
     'joint': 'default',
     'registered': 'IDs registered',
     'tracks': 'tracks',
@@ -138,7 +138,7 @@ def legend_below(
     """Write one legend below all panels: what is drawn, and other lines with their looks."""
     from matplotlib.lines import Line2D
 
-    entries = {_WORDS.get(name, name): look(name) for name in names} | dict(others or {})
+    entries = {WORDS.get(name, name): look(name) for name in names} | dict(others or {})
     longest = 0.6 + 0.088 * max(map(len, entries))  # of an entry [inches]
     figure.legend(
         handles=[Line2D([], [], label=words, **how) for words, how in entries.items()],

@@ -71,8 +71,8 @@ def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2, *, level: fl
 
 
 def percent(rate: Any) -> str:
-    """Return a rate as text."""
-    return f'{rate["rate"]:.0%}'
+    """Return a rate as text, if it is known."""
+    return NOTHING if rate is None else f'{rate["rate"]:.0%}'
 
 
 def three_digits(value: float) -> str:

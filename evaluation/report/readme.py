@@ -11,6 +11,7 @@ In the README and in docs/ figures stand between comments that name them.
 
 import json
 import re
+from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -39,22 +40,21 @@ def load(directory: Path, names: Iterable[str] = EXPERIMENTS) -> dict[str, dict[
 
 
 def _run(report: Report) -> str:
-    kinds: dict[str, set[int]] = {}
-    for figures in report.values():
-        run = figures['run']
+    runs = [figures['run'] for figures in report.values()]
+    kinds = defaultdict[str, set[int]](set)
+    for run in runs:
         versions = ', '.join(f'{name} {of}' for name, of in run['versions'].items() if of)
         kind = (
             f'{run["processor"]} ({run["cores"]} cores), {run["system"]} {run["machine"]}, '
             f'Python {run["python"]}, {versions}'
         )
-        kinds.setdefault(kind, set()).add(run['seed'])
+        kinds[kind].add(run['seed'])
     seeds = {kind: ', '.join(map(str, sorted(own))) for kind, own in kinds.items()}
     where = '; and on '.join(sorted(f'{kind}; seeds: {own}' for kind, own in seeds.items()))
-    minutes = sum(figures['run']['cpu_s'] for figures in report.values()) / 60
-    rough = any(figures['run']['quick'] for figures in report.values())
-    return (
-        '**A quick run: few trials, rough figures.** ' if rough else ''
-    ) + f'Measured on {where}. All experiments took {minutes:.0f} minutes of a core.'
+    minutes = sum(run['cpu_s'] for run in runs) / 60
+    rough = any(run['quick'] for run in runs)
+    quick = '**A quick run: few trials, rough figures.** ' if rough else ''
+    return f'{quick}Measured on {where}. All experiments took {minutes:.0f} minutes of a core.'
 
 
 def filled(text: str, report: Report) -> str:

@@ -14,8 +14,7 @@ from evaluation.bench.room_markers import (
     MOTIONS,
     SENDINGS,
     Course,
-    foreign_marker,
-    own_marker,
+    room_marker,
 )
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
@@ -36,9 +35,8 @@ PLACE_M = 1.0 * SENSOR.grid.directions[5]
 def one_marker(sending: str = 'repeating', seed: int = 0) -> Room:
     """Return the reference scene with one marker at 1 m that always sends."""
     rng = np.random.default_rng(seed)
-    make = foreign_marker if sending in FOREIGN else own_marker
     bit_s = BIT_PERIOD_S * (2.5 if sending == 'period' else 1.0)
-    marker = make(sending, Course('still', PLACE_M), bit_s, -0.4, DURATION_S, rng)
+    marker = room_marker(sending, Course('still', PLACE_M), bit_s, -0.4, DURATION_S, rng)
     wall = Surface(1.05, WALL_SIGNAL)
     scene = Scene(duration_s=DURATION_S, sensor=SENSOR, surfaces=(wall,))
     return Room(scene, BIT_PERIOD_S, (marker,))
