@@ -103,7 +103,7 @@ def stamps_of(rng: np.random.Generator, frames: int, period_ns: int) -> NDArray[
 
 def light_of(
     rng: np.random.Generator, ids: NDArray[np.uint16], bit_s: float, time_s: Floats
-) -> NDArray[np.floating[Any]]:
+) -> Floats:
     """Return what a zone sees: garbage, or something that blinks like a packet."""
     kind = int(rng.integers(0, 7))
     first, second = (packet(rng.choice(ids) if len(ids) else rng.integers(0, IDS)) for _ in '12')
