@@ -161,7 +161,8 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
 def _text(name: str, value: float) -> str:
     if abs(value) < (0.05 if name in FAMILIES else 0.5):
         return '·'
-    return f'{value:+.1f}'.replace('-', '\N{MINUS SIGN}') if name in FAMILIES else f'{value:+.0f}'
+    digits = 1 if name in FAMILIES and abs(value) < 9.95 else 0
+    return f'{value:+.{digits}f}'.replace('-', '\N{MINUS SIGN}')
 
 
 def table(figures: dict[str, Any]) -> Table:
@@ -185,7 +186,7 @@ def draw(figures: dict[str, Any]) -> Any:
     """Draw a map of what becomes worse without each part, and what time and lines are saved."""
     parts = _rows(figures)
     columns = len(_HEADS) + 2
-    figure, (axis,) = new_chart(1, 1, 2.2 + 0.235 * len(parts), _message(parts))
+    figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(parts), _message(parts))
     axis.grid(visible=False)
     for y, one in enumerate(parts):
         for x, name in enumerate(_HEADS):
@@ -197,7 +198,7 @@ def draw(figures: dict[str, Any]) -> Any:
                 alpha = 0.15 + 0.45 * min(abs(value) / _WORST, 1)
                 shade = {'color': worse if sigmas > 0 else '0.5', 'alpha': alpha, 'linewidth': 0}
                 axis.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, **shade)
-            how = {'ha': 'center', 'va': 'center', 'fontsize': 9.5}
+            how = {'ha': 'center', 'va': 'center', 'fontsize': 9}
             axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **how)
         by_chance = abs(one.time) <= max(3.0, figures['time_by_chance'])
         saved = ((-one.time, by_chance), (-float(one.lines), not one.lines))
@@ -212,8 +213,8 @@ def draw(figures: dict[str, Any]) -> Any:
         axis.axvline(border, color='0.8', linewidth=0.8)
     axis.set(xlim=(-0.5, columns - 0.5), ylim=(len(parts) - 0.5, -0.5))
     heads = [*_HEADS.values(), 'time\n[%]', 'lines\nof code']
-    axis.set_xticks(range(columns), heads, fontsize=9.5)
-    axis.set_yticks(range(len(parts)), [one.name for one in parts], fontsize=9.5)
+    axis.set_xticks(range(columns), heads, fontsize=9, rotation=90)
+    axis.set_yticks(range(len(parts)), [one.name for one in parts], fontsize=9)
     axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
     figure.supxlabel(
         'What changes without it: packets lost [%], time or error more [%], IDs more.\n'
