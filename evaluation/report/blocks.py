@@ -10,7 +10,6 @@ from evaluation.experiments import (
     false_ids,
     laboratory,
     peers,
-    place,
     speed_accuracy,
     stability,
     time_to_id,
@@ -97,6 +96,7 @@ def reach(report: Report) -> str:
     return markdown(rows)
 
 
+_SURE_MARGIN = 15  # [nats]
 _TELLING = (
     ('all IDs are known', 'set `registered_ids`, or `marker_file` and `only_registered`'),
     ('markers repeat their packet', 'leave `max_packets` at 8, and `gap_bits` of the marker at 0'),
@@ -105,7 +105,10 @@ _TELLING = (
         'look from several places: `landmarks`, or `coffee` with `target_frame`',
     ),
     ('markers or the robot move', 'take `tracks`, and `tf_source: tracks`'),
-    ('a marker is not of 3 cm', 'give its `size` in the marker file'),
+    (
+        'a wrong ID costs more than one that is missed',
+        f'drop readings with a `decision_margin` below {_SURE_MARGIN}',
+    ),
 )
 
 
@@ -121,14 +124,18 @@ def telling(report: Report) -> str:
         for row in report['landmarks']['places']
         if row['side_m'] == _SIDE_M and row['object'] == 'machine'
     }
-    alike, told = (as_text(one, '°', 1) for one in report['place']['size_told_deg'])
-    large = f'a {100 * place.LARGE_M:g} cm marker'
+    all_of, sure = (
+        next(row for row in report['rooms']['by_margin'] if row['margin'] == margin)
+        for margin in (0, _SURE_MARGIN)
+    )
+    fewer = 1 - sure['readings'] / all_of['readings']
+    wrong = (f'{one["wrong"]} of {one["readings"]}' for one in (sure, all_of))
     bought = [
         f'with {time_to_id.FEW} of them the first ID comes after {few_s} instead of {any_s}',
         f'3 cm are read to {several} instead of {one}',
         f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
         f'to and fro at {_MOVING_M_S:g} m/s a range is {track} off instead of {packets}',
-        f'the bearing of {large} is off by {told}, and by {alike} without it',
+        f'{" wrong IDs in random rooms instead of ".join(wrong)}, for {fewer:.0%} of the readings',
     ]
     rows = ([*told, buys] for told, buys in zip(_TELLING, bought, strict=True))
     return markdown([['if …', 'then …', 'which buys'], *rows])
