@@ -135,7 +135,7 @@ def telling(report: Report) -> str:
         f'3 cm are read to {several} instead of {one}',
         f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
         f'to and fro at {_MOVING_M_S:g} m/s a range is {track} off instead of {packets}',
-        f'{" wrong IDs in random rooms instead of ".join(wrong)}, for {fewer:.0%} of the readings',
+        f'in random rooms {" are wrong instead of ".join(wrong)}; {fewer:.0%} of readings fewer',
     ]
     rows = ([*told, buys] for told, buys in zip(_TELLING, bought, strict=True))
     return markdown([['if …', 'then …', 'which buys'], *rows])
