@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
-from harness import STAMP_ERROR_S, Sensor, wait_for_readings
+from harness import wait_for_readings
 from harness_observer import Observer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
+from retrolidar_ros.nodes.conversion import to_frame_msg
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
@@ -96,12 +96,6 @@ class System(Observer):
         """Wait until each marker is read from now on."""
         self.markers.clear()
         wait_for_readings(self, ids)
-
-    def check_stamps(self, sensor: Sensor, frames: slice) -> None:
-        """Check that those frames that have come are stamped with the time of their exposure."""
-        for message, _ in self.frames[frames]:
-            error_s = (to_ns(message.header.stamp) - sensor.middle_ns[message.sequence]) * 1e-9
-            assert abs(error_s) < STAMP_ERROR_S, f'frame {message.sequence}: {error_s} s'
 
 
 @contextmanager
