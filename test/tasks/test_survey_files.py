@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness_readings import HERE
+from harness_readings import HERE, estimate_of, mapped
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.yaml_files import MAX_BYTES
@@ -20,9 +20,7 @@ from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
 
 def estimates(*names: str, at_m: Floats = HERE) -> list[Estimate]:
-    prior = Prior(State(at_m, np.eye(3), np.zeros(3)), 1e-6 * np.eye(6))
-    found = [Landmark(name, {}, Errors(), prior).estimate() for name in names]
-    return [one for one in found if one is not None]
+    return [mapped(name, at_m) for name in names]
 
 
 def names_in(path: Path) -> set[str]:
@@ -132,9 +130,7 @@ def test_as_many_landmarks_as_are_kept_fit_into_a_file(tmp_path: Path) -> None:
     for index in range(20):
         root = rng.normal(size=(6, 6))
         prior = Prior(State(rng.normal(size=3), np.eye(3), np.zeros(3)), root @ root.T)
-        estimate = Landmark(f'{index:0>100}', {}, Errors(), prior).estimate()
-        assert estimate is not None
-        some.append(estimate)
+        some.append(estimate_of(Landmark(f'{index:0>100}', {}, Errors(), prior)))
     path = tmp_path / 'room.yaml'
     save_survey(path, 'map', some)
     assert len(names_in(path)) == len(some)
