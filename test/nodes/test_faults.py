@@ -19,7 +19,6 @@ from rosgraph_msgs.msg import Clock
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.wire import encode_frame
@@ -194,7 +193,6 @@ def test_a_host_clock_that_is_set_costs_no_frame(tmp_path: Path) -> None:
         running(tmp_path, '/stepped') as system,
         PortLink(system.port) as port,
         in_this_process(
-            create_nodes,
             system,
             *('-r', '/clock:=/stepped/clock', '-p', 'use_sim_time:=true'),
             *('-p', f'serial_port:={system.port}'),
