@@ -112,16 +112,9 @@ class RawFrame(NamedTuple):
             raw = np.rint(np.nan_to_num(values.astype(np.float64)) * scale).astype(np.int64)
             return raw.reshape(shape)[:, ::-1].ravel()
 
-        distance, signal, ambient = (
-            turned(values, scale)
-            for values, scale in (
-                (frame.distance, 4000.0),
-                (frame.signal, 2048.0),
-                (frame.ambient, 2048.0),
-            )
-        )
-        status = turned(frame.status, 1.0)
-        return cls(frame.sequence, frame.sensor_time_us, distance, signal, ambient, status)
+        scales = {'distance': 4000.0, 'signal': 2048.0, 'ambient': 2048.0, 'status': 1.0}
+        zones = {name: turned(getattr(frame, name), scale) for name, scale in scales.items()}
+        return cls(frame.sequence, frame.sensor_time_us, **zones)
 
 
 def assert_same_zones(frame: Frame, raw: RawFrame) -> None:

@@ -4,20 +4,20 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
-from harness import STAMP_ERROR_S, Sensor, wait_for_readings
+from harness import wait_for_readings
 from harness_observer import Observer
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns
+from retrolidar_ros.nodes.conversion import to_frame_msg
+from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
@@ -97,12 +97,6 @@ class System(Observer):
         self.markers.clear()
         wait_for_readings(self, ids)
 
-    def check_stamps(self, sensor: Sensor, frames: slice) -> None:
-        """Check that those frames that have come are stamped with the time of their exposure."""
-        for message, _ in self.frames[frames]:
-            error_s = (to_ns(message.header.stamp) - sensor.middle_ns[message.sequence]) * 1e-9
-            assert abs(error_s) < STAMP_ERROR_S, f'frame {message.sequence}: {error_s} s'
-
 
 @contextmanager
 def running(directory: Path, namespace: str) -> Iterator[System]:
@@ -119,13 +113,11 @@ def running(directory: Path, namespace: str) -> Iterator[System]:
 
 
 @contextmanager
-def in_this_process(
-    make: Callable[[], list[Node]], system: System, *arguments: str
-) -> Iterator[SingleThreadedExecutor]:
-    """Make nodes in this process, where a test can spin them and replace functions."""
+def in_this_process(system: System, *arguments: str) -> Iterator[SingleThreadedExecutor]:
+    """Make driver and detector in this process; a test can spin them and replace functions."""
     rclpy.init(args=['--ros-args', '-r', f'__ns:={system.namespace}', *arguments])
     executor = SingleThreadedExecutor()
-    nodes = make()
+    nodes = create_nodes()
     for node in nodes:
         executor.add_node(node)
     try:

@@ -11,6 +11,7 @@ import numpy as np
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose, reading
+from retrolidar_ros.tasks.state import Prior, State
 
 GRID = ZoneGrid()
 NOISE_M = 0.001
@@ -59,6 +60,17 @@ def estimate_of(landmark: Landmark) -> Estimate:
     estimate = landmark.estimate()
     assert estimate is not None
     return estimate
+
+
+def prior_at(place_m: Floats, variance: float, turn_variance: float) -> Prior:
+    """Return what is known before of something that is not turned [m^2, rad^2]."""
+    covariance = np.diag([variance] * 3 + [turn_variance] * 3)
+    return Prior(State(place_m, np.eye(3), np.zeros(3)), covariance)
+
+
+def mapped(name: str, place_m: Floats) -> Estimate:
+    """Return a landmark as a map holds it."""
+    return estimate_of(Landmark(name, {}, Errors(), prior_at(place_m, 1e-6, 1e-6)))
 
 
 def squared(estimate: Estimate, truth_m: Floats) -> float:

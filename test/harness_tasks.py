@@ -177,6 +177,18 @@ _RANGE_STDDEV_M = 0.001
 _LATE_S = 0.25
 
 
+def detection_of(name: str, identity: int, own_m: Floats, stamp_ns: int) -> MarkerDetection:
+    """Return what the hand reads of a marker at a place of its own frame."""
+    column, row = np.rint(own_m[:2] / own_m[2] / _GRID.pitch + 1.5).astype(int)
+    range_m = float(np.linalg.norm(own_m))
+    spot = place(zone_bearing(int(4 * row + column), _GRID), range_m, _RANGE_STDDEV_M)
+    message = MarkerDetection(header=to_header(stamp_ns, HAND), child_frame_id=name)
+    message.id, message.range, message.range_stddev = identity, range_m, _RANGE_STDDEV_M
+    message.pose.pose = to_pose(spot.position_m, spot.orientation)
+    message.pose.covariance = spot.covariance.ravel()
+    return message
+
+
 class Hand:
     """Says where it is on /tf, and what it reads of markers on /NAMESPACE/markers."""
 
@@ -197,16 +209,8 @@ class Hand:
         self, name: str, identity: int, there_m: Floats, at_m: Floats, late_s: float = 0.0
     ) -> int:
         """Read a marker from a place; TF follows so much later; return the stamp [ns]."""
-        own = there_m - at_m
-        column, row = np.rint(own[:2] / own[2] / _GRID.pitch + 1.5).astype(int)
-        zone = int(4 * row + column)
-        range_m = float(np.linalg.norm(own))
         stamp_ns = time.time_ns()
-        spot = place(zone_bearing(zone, _GRID), range_m, _RANGE_STDDEV_M)
-        message = MarkerDetection(header=to_header(stamp_ns, HAND), child_frame_id=name)
-        message.id, message.range, message.range_stddev = identity, range_m, _RANGE_STDDEV_M
-        message.pose.pose = to_pose(spot.position_m, spot.orientation)
-        message.pose.covariance = spot.covariance.ravel()
+        message = detection_of(name, identity, there_m - at_m, stamp_ns)
         if late_s:
             self._markers.publish(message)
             self._observer.pass_time(late_s)

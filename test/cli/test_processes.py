@@ -3,6 +3,8 @@
 import os
 import select
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -113,6 +115,20 @@ def test_a_child_that_ignores_sigint_is_killed(
         line.wait_for(b'ready')
         assert group.stop('stubborn') == -signal.SIGKILL
         assert line.all_gone()
+
+
+def test_a_child_ends_with_a_parent_that_is_killed(tmp_path: Path, line: LifeLine) -> None:
+    script = (
+        'import sys, time; from pathlib import Path\n'
+        'from retrolidar_ros.cli.processes import ProcessGroup\n'
+        'with ProcessGroup(Path(sys.argv[1])) as group:\n'
+        "    group.start('child', sys.argv[2:]); time.sleep(100)\n"
+    )
+    command = [sys.executable, '-c', script, str(tmp_path), *line.command(SLEEPER)]
+    with subprocess.Popen(command) as parent:
+        line.wait_for(b'ready')
+        parent.kill()
+    assert line.all_gone()
 
 
 def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: LifeLine) -> None:

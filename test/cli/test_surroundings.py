@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -27,20 +26,6 @@ from retrolidar_ros.sensor.frame import Frame
 # Not -m: that finds the sources first, which have no messages.
 PROGRAM = [sys.executable, str(Path(cli.__file__).with_name('__main__.py'))]
 PATIENCE_S = 60.0
-
-
-def wait(done: Callable[[], object], what: str) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not done():
-        assert time.monotonic() < deadline_s, f'waited in vain for {what}'
-        time.sleep(0.005)
-
-
-def lives(pid: int) -> bool:
-    try:
-        return 'State:\tZ' not in Path(f'/proc/{pid}/status').read_text()
-    except (FileNotFoundError, ProcessLookupError):
-        return False
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
@@ -79,7 +64,10 @@ def test_what_was_unpacked_goes_with_a_command_that_is_ended(tmp_path: Path) -> 
     unpacked.mkdir()
     environment = {**os.environ, 'TMPDIR': str(unpacked)}
     with subprocess.Popen([*PROGRAM, 'decode', str(packed)], env=environment) as process:
-        wait(lambda: list(unpacked.glob('*/*')), 'the file that is unpacked')
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not list(unpacked.glob('*/*')):
+            assert time.monotonic() < deadline_s, 'nothing is unpacked'
+            time.sleep(0.005)
         process.send_signal(signal.SIGTERM)
     assert process.returncode == 128 + signal.SIGTERM
     assert not list(unpacked.iterdir())
@@ -118,22 +106,6 @@ def test_an_interrupt_at_any_time_leaves_no_traceback(delay_s: float) -> None:
     # Python itself, before it has come to more than the program's first imports, is not ours.
     lines = re.findall(rb'retrolidar_ros\S+\.py", line .*\n +(\w+)', errors)
     assert set(lines) <= {b'from', b'import'}, errors
-
-
-def test_what_was_started_ends_with_a_parent_that_is_killed(tmp_path: Path) -> None:
-    script = (
-        'import sys, time; from pathlib import Path\n'
-        'from retrolidar_ros.cli.processes import ProcessGroup\n'
-        'with ProcessGroup(Path(sys.argv[1])) as group:\n'
-        "    group.start('child', ['sleep', '100'])\n"
-        "    print(group.pid('child'), flush=True); time.sleep(100)\n"
-    )
-    command = [sys.executable, '-c', script, str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as parent:
-        assert parent.stdout is not None
-        child = int(parent.stdout.readline())
-        parent.kill()
-    wait(lambda: not lives(child), 'the end of the child')
 
 
 def test_tools_of_ros_that_are_not_there_are_named_with_what_does_the_same() -> None:

@@ -66,16 +66,11 @@ def test_the_image_is_built_of_ros_alone_and_its_commands_can_be_parsed() -> Non
 IMAGES = ROOT / 'docs' / 'images'
 
 
-def test_the_layouts_are_drawn_from_their_files() -> None:
-    """`embedded/run python docs/images/viewers.py` draws them again."""
-    module = runpy.run_path(str(IMAGES / 'viewers.py'))
-    assert module['drawing']() == (IMAGES / 'viewers.svg').read_text(encoding='utf-8')
-
-
-def test_the_overview_is_that_of_its_script() -> None:
-    """`embedded/run python docs/images/overview.py` draws it again."""
-    module = runpy.run_path(str(IMAGES / 'overview.py'))
-    assert module['drawing']() == (IMAGES / 'overview.svg').read_text(encoding='utf-8')
+@pytest.mark.parametrize('name', ['viewers', 'overview'])
+def test_a_drawing_is_that_of_its_script(name: str) -> None:
+    """`embedded/run python docs/images/NAME.py` draws it again."""
+    module = runpy.run_path(str(IMAGES / f'{name}.py'))
+    assert module['drawing']() == (IMAGES / f'{name}.svg').read_text(encoding='utf-8')
 
 
 @pytest.mark.parametrize('sketch', ['reader', 'marker'])
@@ -133,15 +128,10 @@ def topics(content: Any) -> set[str]:
     return {text.partition('.')[0] for text in strings(content) if re.match(r'/[a-z]', text)}
 
 
-def documented_topics() -> dict[str, str]:
-    reference = ROOT / 'docs' / 'reference.md'
-    rows = re.findall(r'^\| `(/\S+)` \| ([^|]+) \|', reference.read_text(encoding='utf-8'), re.M)
-    return dict(rows)
-
-
 @pytest.mark.parametrize('content', [RVIZ, FOXGLOVE], ids=['rviz', 'foxglove'])
 def test_the_topics_are_those_of_the_reference(content: Any) -> None:
-    known = documented_topics()
+    reference = (ROOT / 'docs' / 'reference.md').read_text(encoding='utf-8')
+    known = dict(re.findall(r'^\| `(/\S+)` \| ([^|]+) \|', reference, re.M))
     named = topics(content)
     assert named
     for topic in named:
@@ -172,6 +162,10 @@ def rotation(roll: float, pitch: float, yaw: float) -> Floats:
     return turn
 
 
+OPTICAL = np.transpose([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
+"""Right, down and ahead of the sensor, in a frame with x forward, y left and z up."""
+
+
 def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:
     """REP 103: what is ahead of the sensor is at z of the optical frame, its right at x."""
     robot = ElementTree.parse(shared_file('urdf/retrolidar.urdf.xacro')).getroot()
@@ -182,10 +176,7 @@ def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:
     assert child is not None
     assert (parent.get('link'), child.get('link')) == ('${name}_link', '${name}_optical_frame')
     turn = rotation(*map(float, str(origin.get('rpy')).split()))
-    right, down, ahead = turn.T
-    assert ahead == pytest.approx([1, 0, 0], abs=1e-9)
-    assert right == pytest.approx([0, -1, 0], abs=1e-9)
-    assert down == pytest.approx([0, 0, -1], abs=1e-9)
+    np.testing.assert_allclose(turn, OPTICAL, atol=1e-9)
 
 
 def test_the_documented_mounting_looks_ahead() -> None:
@@ -193,5 +184,4 @@ def test_the_documented_mounting_looks_ahead() -> None:
     (line,) = (x for x in file.read_text().splitlines() if 'static_transform_publisher' in x)
     angles = {name: float(value) for name, value in re.findall(r'--(roll|pitch|yaw) (\S+)', line)}
     turn = rotation(*(angles.get(name, 0.0) for name in ('roll', 'pitch', 'yaw')))
-    assert turn[:, 2] == pytest.approx([1, 0, 0], abs=1e-6)
-    assert turn[:, 0] == pytest.approx([0, -1, 0], abs=1e-6)
+    np.testing.assert_allclose(turn, OPTICAL, atol=1e-6)

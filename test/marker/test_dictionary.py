@@ -23,11 +23,7 @@ Output = pytest.CaptureFixture[str]
 FOUND = {2: 4094, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}
 
 law = settings(derandomize=True, deadline=None, max_examples=30)
-ids = st.integers(0, IDS - 1)
-sets = st.lists(ids, min_size=1, max_size=6, unique=True)
-limits = st.integers(1, 31)
-
-
+sets = st.lists(st.integers(0, IDS - 1), min_size=1, max_size=6, unique=True)
 PACKETS = [''.join(map(str, bits)) for bits in packet(np.arange(IDS)).tolist()]
 
 
@@ -46,16 +42,13 @@ def counted(first: int, second: int) -> list[tuple[int, int]]:
 
 
 @law
-@given(chosen=sets, limit=limits, data=st.data())
+@given(chosen=sets, limit=st.integers(1, 31), data=st.data())
 def test_distances_and_pairs_counted(chosen: list[int], limit: int, data: st.DataObject) -> None:
-    expected = [[min(counted(a, b))[0] for b in chosen] for a in chosen]
+    every = [[ConfusablePair(a, b, *min(counted(a, b))) for b in chosen] for a in chosen]
+    expected = [[pair.distance for pair in row] for row in every]
     np.testing.assert_array_equal(distances(chosen), expected)
-    pairs = [
-        ConfusablePair(a, b, *min(counted(a, b)))
-        for a in chosen
-        for b in chosen
-        if a <= b and min(counted(a, b))[0] < limit
-    ]
+    flat = [pair for row in every for pair in row]
+    pairs = [pair for pair in flat if pair.first <= pair.second and pair.distance < limit]
     pairs.sort(key=lambda pair: (pair.distance, pair.first, pair.second))
     assert confusable_pairs(chosen, limit) == pairs
     assert confusable_pairs(data.draw(st.permutations(chosen)), limit) == pairs

@@ -4,11 +4,12 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import PATIENCE_S, Sensor
+from harness import PATIENCE_S, Sensor, check_stamps
 from harness_nodes import COFFEE_IDS, System, in_this_process, running
 from harness_observer import values_of
 from rclpy.clock import ClockType
@@ -19,7 +20,6 @@ from rosgraph_msgs.msg import Clock
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.wire import encode_frame
@@ -29,19 +29,18 @@ DELAY_NS = 10_500_000  # from the middle of an exposure to the arrival of its fr
 DRIVER, DETECTOR = 'driver: frames', 'detector: markers'
 
 
+@dataclass
 class Chain:
     """Driver and detector under test, and the sensor that they read."""
 
-    def __init__(self, system: System, sensor: Sensor) -> None:
-        self.system = system
-        self.sensor = sensor
-        self.frames = system.frames
+    system: System
+    sensor: Sensor
 
     def start(self, node: str) -> None:
         self.system.start(node, '-p', f'serial_port:={self.system.port}')
 
     def sequences(self, since: int = 0) -> list[int]:
-        return [message.sequence for message, _ in self.frames[since:]]
+        return [message.sequence for message, _ in self.system.frames[since:]]
 
     def expect_all(self, first: int) -> None:
         """Check that every frame sent from `first` on has come, once and in order."""
@@ -67,44 +66,44 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
 
 def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Chain) -> None:
     system = chain.system
-    frames, restarts = len(chain.frames), system.number(DRIVER, 'clock restarts')
+    frames, restarts = len(system.frames), system.number(DRIVER, 'clock restarts')
     first = chain.sequences()[-1]
     chain.sensor.pull()
     in_the_cable = max(chain.sensor.middle_ns)
     before = len(system.statuses[DRIVER])
     system.pass_time(3.5)
-    assert len(chain.frames) - frames < 80
+    assert len(system.frames) - frames < 80
     levels = [status.level for status in system.statuses[DRIVER][before + 1 :]]
     assert levels.count(DiagnosticStatus.ERROR) >= 2
     assert system.statuses[DETECTOR][-1].level == DiagnosticStatus.STALE
     chain.sensor.plug()
-    back = len(chain.frames)
-    assert system.spin_until(lambda: len(chain.frames) > back, RECONNECT_S)
+    back = len(system.frames)
+    assert system.spin_until(lambda: len(system.frames) > back, RECONNECT_S)
     system.wait_for_frames(back + 50)
     if in_the_cable not in chain.sequences():
         del chain.sensor.middle_ns[in_the_cable]
     chain.expect_all(first)
     # The clocks went on meanwhile, so the map still holds: the first stamps are right at once.
     assert system.number(DRIVER, 'clock restarts') == restarts
-    system.check_stamps(chain.sensor, slice(back, None))
+    check_stamps(system, chain.sensor, slice(back, None))
     system.read_all()
 
 
 def test_a_sensor_that_restarts_costs_nothing_but_what_a_packet_had_so_far(chain: Chain) -> None:
     system = chain.system
     restarts, lost = (system.number(DRIVER, key) for key in ('clock restarts', 'lost frames'))
-    before = len(chain.frames)
+    before = len(system.frames)
     chain.sensor.restart()
     system.wait(lambda: 0 in chain.sequences(before), 'the first frame')
     begin = before + chain.sequences(before).index(0)
     system.wait_for_frames(begin + 100)
-    assert chain.sequences(begin) == list(range(len(chain.frames) - begin))
+    assert chain.sequences(begin) == list(range(len(system.frames) - begin))
     assert system.number(DRIVER, 'clock restarts') == restarts + 1
     assert system.number(DRIVER, 'lost frames') == lost
-    stamps = [to_ns(message.header.stamp) for message, _ in chain.frames[before:]]
+    stamps = [to_ns(message.header.stamp) for message, _ in system.frames[before:]]
     assert stamps == sorted(set(stamps))
-    system.check_stamps(chain.sensor, slice(begin, begin + 100))
-    del chain.frames[:begin]  # sequences that come again
+    check_stamps(system, chain.sensor, slice(begin, begin + 100))
+    del system.frames[:begin]  # sequences that come again
     system.read_all()
 
 
@@ -170,7 +169,7 @@ def test_a_node_that_is_killed_costs_what_it_would_have_published(chain: Chain, 
     system = chain.system
     first = chain.sequences()[-1]
     system.kill(node)
-    killed = len(chain.frames)
+    killed = len(system.frames)
     if node == 'detector':
         system.wait_for_status(DRIVER, DiagnosticStatus.WARN, 'has ended, or hangs', 3.0)
     else:
@@ -194,7 +193,6 @@ def test_a_host_clock_that_is_set_costs_no_frame(tmp_path: Path) -> None:
         running(tmp_path, '/stepped') as system,
         PortLink(system.port) as port,
         in_this_process(
-            create_nodes,
             system,
             *('-r', '/clock:=/stepped/clock', '-p', 'use_sim_time:=true'),
             *('-p', f'serial_port:={system.port}'),

@@ -45,11 +45,6 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pair]:
             yield system, sensor
 
 
-@pytest.fixture
-def two(pair: Pair) -> System:
-    return pair[0]
-
-
 def test_markers_are_read_and_placed(pair: Pair) -> None:
     system, sensor = pair
     first = system.statuses[DRIVER][0]
@@ -69,9 +64,9 @@ def test_markers_are_read_and_placed(pair: Pair) -> None:
     assert rejected <= {'rejected: evidence'}, values
 
 
-def test_transforms_go_out_before_what_they_belong_to(two: System) -> None:
+def test_transforms_go_out_before_what_they_belong_to(pair: Pair) -> None:
     """By the times at which they were sent: on the way, one topic may still overtake another."""
-    node = two.node
+    system, _ = pair
     sent: dict[str, dict[int, int]] = {'transforms': {}, 'markers': {}}
 
     def take_transforms(message: TFMessage, info: dict[str, int]) -> None:
@@ -81,14 +76,14 @@ def test_transforms_go_out_before_what_they_belong_to(two: System) -> None:
     def take_marker(message: MarkerDetection, info: dict[str, int]) -> None:
         sent['markers'][to_ns(message.header.stamp)] = info['source_timestamp']
 
-    topic = f'{two.namespace}/markers'
+    topic = f'{system.namespace}/markers'
     both = [
-        node.create_subscription(TFMessage, '/tf', cast(Any, take_transforms), 100),
-        node.create_subscription(MarkerDetection, topic, cast(Any, take_marker), 100),
+        system.node.create_subscription(TFMessage, '/tf', cast(Any, take_transforms), 100),
+        system.node.create_subscription(MarkerDetection, topic, cast(Any, take_marker), 100),
     ]
-    two.wait(lambda: len(sent['transforms'].keys() & sent['markers'].keys()) > 5, 'readings')
+    system.wait(lambda: len(sent['transforms'].keys() & sent['markers'].keys()) > 5, 'readings')
     for one in both:
-        node.destroy_subscription(one)
+        system.node.destroy_subscription(one)
     for stamp_ns in sent['transforms'].keys() & sent['markers'].keys():
         assert sent['transforms'][stamp_ns] < sent['markers'][stamp_ns]
 
@@ -115,50 +110,53 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(pair: Pair) -> None:
         system.wait(lambda: len(beats) > silent, 'a heartbeat')
 
 
-def test_frames_that_a_driver_does_not_send_are_not_lost(two: System) -> None:
-    change_state = two.services.change_state
+def test_frames_that_a_driver_does_not_send_are_not_lost(pair: Pair) -> None:
+    system, _ = pair
+    change_state = system.services.change_state
     assert not change_state('driver', Transition.TRANSITION_CONFIGURE)  # and it lives on
-    lost, seen = two.number(DETECTOR, 'lost frames'), len(two.statuses[DETECTOR])
+    lost, seen = system.number(DETECTOR, 'lost frames'), len(system.statuses[DETECTOR])
     assert change_state('driver', Transition.TRANSITION_DEACTIVATE)
-    two.pass_time(1.5)
+    system.pass_time(1.5)
     assert change_state('driver', Transition.TRANSITION_ACTIVATE)
-    two.wait_for_status(DETECTOR, WARN, 'frames were not sent')
-    two.wait_for_status(DETECTOR, OK, 'accepted')
-    assert not any('were lost' in status.message for status in two.statuses[DETECTOR][seen:])
-    assert two.number(DETECTOR, 'lost frames') == lost
+    system.wait_for_status(DETECTOR, WARN, 'frames were not sent')
+    system.wait_for_status(DETECTOR, OK, 'accepted')
+    assert not any('were lost' in status.message for status in system.statuses[DETECTOR][seen:])
+    assert system.number(DETECTOR, 'lost frames') == lost
 
 
-def test_a_detector_that_stands_still_is_reported_and_loses_nothing(two: System) -> None:
-    pid = two.processes.pid('detector')
-    lost, seen = two.number(DETECTOR, 'lost frames'), len(two.statuses[DETECTOR])
+def test_a_detector_that_stands_still_is_reported_and_loses_nothing(pair: Pair) -> None:
+    system, _ = pair
+    pid = system.processes.pid('detector')
+    lost, seen = system.number(DETECTOR, 'lost frames'), len(system.statuses[DETECTOR])
     os.kill(pid, signal.SIGSTOP)
     try:
-        two.wait_for_status(DRIVER, WARN, 'the detector has judged no frame for', 2.5)
-        two.pass_time(1.5)
-        assert len(two.statuses[DETECTOR]) <= seen + 1  # nobody speaks in its name
+        system.wait_for_status(DRIVER, WARN, 'the detector has judged no frame for', 2.5)
+        system.pass_time(1.5)
+        assert len(system.statuses[DETECTOR]) <= seen + 1  # nobody speaks in its name
     finally:
         os.kill(pid, signal.SIGCONT)
-    two.wait_for_status(DETECTOR, OK, 'accepted')
-    assert two.number(DETECTOR, 'lost frames') == lost
-    two.wait_for_status(DRIVER, OK, 'frames a second')
+    system.wait_for_status(DETECTOR, OK, 'accepted')
+    assert system.number(DETECTOR, 'lost frames') == lost
+    system.wait_for_status(DRIVER, OK, 'frames a second')
 
 
-def test_two_senders_of_one_frame_id_are_an_error_that_names_them(two: System) -> None:
-    publisher = two.node.create_publisher(FrameMsg, 'frames', 10)
+def test_two_senders_of_one_frame_id_are_an_error_that_names_them(pair: Pair) -> None:
+    system, _ = pair
+    publisher = system.node.create_publisher(FrameMsg, 'frames', 10)
     frames = iter(Simulation(SCENE).run(60.0))
 
     def send() -> None:
-        frame = replace(next(frames), stamp_ns=two.node.get_clock().now().nanoseconds)
+        frame = replace(next(frames), stamp_ns=system.node.get_clock().now().nanoseconds)
         publisher.publish(to_frame_msg(frame, FRAME_ID))
 
-    timer = two.node.create_timer(0.021, send)
+    timer = system.node.create_timer(0.021, send)
     try:
-        status = two.wait_for_status(DETECTOR, ERROR, 'come mixed by')
+        status = system.wait_for_status(DETECTOR, ERROR, 'come mixed by')
         assert '/health/driver, /health/listener' in status.message
     finally:
-        two.node.destroy_timer(timer)
-        two.node.destroy_publisher(publisher)
-    two.wait_for_status(DETECTOR, OK, 'accepted')
+        system.node.destroy_timer(timer)
+        system.node.destroy_publisher(publisher)
+    system.wait_for_status(DETECTOR, OK, 'accepted')
 
 
 def test_a_clock_that_does_not_begin_or_stops_is_an_error_of_both(tmp_path: Path) -> None:

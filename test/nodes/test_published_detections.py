@@ -18,17 +18,22 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from harness_nodes import System, running
 from harness_observer import LATCHED, RELIABLE, values_of
-from harness_tasks import CORNERS, FIXED, HAND, MUG_M, Hand, check_landmarks, squared
+from harness_readings import mapped
+from harness_tasks import (
+    CORNERS,
+    FIXED,
+    HAND,
+    MUG_M,
+    Hand,
+    check_landmarks,
+    detection_of,
+    squared,
+)
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_header, to_pose, to_time, to_transform, vector_of
-from retrolidar_ros.sensor.frame import ZoneGrid
-from retrolidar_ros.tasks.landmarks import Landmark
-from retrolidar_ros.tasks.reading import Errors
-from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey_files import survey_content
 
 
@@ -41,12 +46,7 @@ def test_landmarks_are_found_moved_saved_and_forgotten(tmp_path: Path) -> None:
 
 def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> None:
     places = {5: [-0.3, -0.3, 1.5], 6: [0.3, -0.25, 1.2], 8: [0.25, 0.3, 1.4], 9: [-0.3, 0.3, 1.1]}
-    estimates = []
-    for identity, at in places.items():
-        prior = Prior(State(np.array(at), np.eye(3), np.zeros(3)), 1e-6 * np.eye(6))
-        estimate = Landmark(f'marker_{identity}', {}, Errors(), prior).estimate()
-        assert estimate is not None
-        estimates.append(estimate)
+    estimates = [mapped(f'marker_{one}', np.array(at)) for one, at in places.items()]
     known = tmp_path / 'room.yaml'
     known.write_text(yaml.safe_dump(survey_content('map', estimates)))
     robot_m = np.array([0.02, -0.03, 0.0])
@@ -98,16 +98,6 @@ NODES = {
     'heartbeat': 'heartbeat: markers',
 }
 
-
-def detection(name: str = 'mug', identity: int = 2107) -> MarkerDetection:
-    spot = place(zone_bearing(5, ZoneGrid()), 1.2, 0.001)
-    message = MarkerDetection(header=to_header(time.time_ns(), HAND), child_frame_id=name)
-    message.id, message.range, message.range_stddev = identity, 1.2, 0.001
-    message.pose.pose = to_pose(spot.position_m, spot.orientation)
-    message.pose.covariance = spot.covariance.ravel()
-    return message
-
-
 NO_NAME, STAMP = 'child_frame_id is not a TF name', 'the stamp is far'
 NO_TURN = 'the orientation is not a unit'
 INFINITE, FLAT = 'the covariance is not finite', 'the covariance is not positive definite'
@@ -142,10 +132,9 @@ IMPOSSIBLE: list[tuple[str, Any, str]] = [
 @pytest.fixture(scope='module')
 def hall(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
     with running(tmp_path_factory.mktemp('impossible'), '/impossible') as system:
-        for node in NODES:
-            objects = {'objects': '[mug]'} if node == 'coffee' else {}
-            watched = {'markers': '[mug]'} if node == 'heartbeat' else {}
-            system.start(node, **objects, **watched)
+        system.start('landmarks')
+        system.start('coffee', objects='[mug]')
+        system.start('heartbeat', markers='[mug]')
         system.wait(lambda: all(system.statuses[one] for one in NODES.values()), 'the nodes')
         yield system
 
@@ -160,7 +149,7 @@ def test_impossible_detections_are_counted_and_change_nothing(hall: System) -> N
     names = {reason for *_, reason in IMPOSSIBLE}
     seen = {name: len(system.statuses[name]) for name in NODES.values()}
     for field, value, _ in IMPOSSIBLE:
-        message = detection()
+        message = detection_of('mug', 2107, MUG_M, time.time_ns())
         *owner, name = field.split('.')
         given = value() if callable(value) else value
         setattr(attrgetter('.'.join(owner))(message) if owner else message, name, given)

@@ -34,7 +34,6 @@ from retrolidar_ros.nodes.conversion import (
     to_signal_image,
     vector_of,
 )
-from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame, valid_samples
@@ -258,7 +257,7 @@ def test_messages_for_nobody_are_not_made(tmp_path: Path, monkeypatch: pytest.Mo
     with (
         running(tmp_path, '/lazy') as system,
         Sensor(load_scene('coffee'), system.port),
-        in_this_process(create_nodes, system, '-p', f'serial_port:={system.port}'),
+        in_this_process(system, '-p', f'serial_port:={system.port}'),
     ):
 
         def pass_readings() -> None:

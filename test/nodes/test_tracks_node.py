@@ -32,10 +32,13 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
 
 
 def test_every_frame_has_a_track_of_every_marker(system: System) -> None:
-    with system.subscribed(MarkerTrack, 'tracks') as tracks:
+    with (
+        system.subscribed(MarkerTrack, 'tracks') as tracks,
+        system.subscribed(MarkerArray, 'marker_array') as arrays,
+    ):
         system.wait(lambda: {one.id for one in tracks} >= COFFEE_IDS, 'tracks of all')
         seen = len(tracks)
-        system.wait(lambda: len(tracks) > seen + 3 * 60, 'tracks')
+        system.wait(lambda: len(tracks) > seen + 3 * 60 and len(arrays) > 20, 'tracks and shapes')
     frames = {to_ns(message.header.stamp) for message, _ in system.frames}
     own = [one for one in tracks[seen:] if one.id == min(COFFEE_IDS)]
     stamps = [to_ns(one.header.stamp) for one in own]
@@ -51,6 +54,9 @@ def test_every_frame_has_a_track_of_every_marker(system: System) -> None:
         assert (np.array(one.twist.covariance).reshape(6, 6).diagonal() > 0).all()
         x, y, z = one.pose.pose.position.x, one.pose.pose.position.y, one.pose.pose.position.z
         assert np.sqrt(x * x + y * y + z * z) == pytest.approx(one.range, rel=1e-6)
+    # Shapes move with them.
+    stamps = [to_ns(array.markers[0].header.stamp) for array in arrays]
+    assert np.median(np.diff(stamps)) < 0.15e9
 
 
 def test_transforms_are_of_tracks_and_of_nothing_else(system: System) -> None:
@@ -70,13 +76,6 @@ def test_transforms_are_of_tracks_and_of_nothing_else(system: System) -> None:
         after = int(np.searchsorted(frames_ns, stamp_ns))
         gap_ns = np.diff(frames_ns[max(after - 1, 0) : after + 1])
         assert not gap_ns.size or gap_ns[0] > 1.5e9 * SENSOR.period_s
-
-
-def test_shapes_move_with_the_tracks(system: System) -> None:
-    with system.subscribed(MarkerArray, 'marker_array') as arrays:
-        system.wait(lambda: len(arrays) > 20, 'shapes')
-    stamps = [to_ns(array.markers[0].header.stamp) for array in arrays]
-    assert np.median(np.diff(stamps)) < 0.15e9
 
 
 def test_tracks_can_be_fewer(system: System) -> None:

@@ -17,6 +17,7 @@ from harness_readings import (
     SQUARE,
     estimate_of,
     look_round,
+    prior_at,
     seen,
     squared,
 )
@@ -29,7 +30,6 @@ from retrolidar_ros.tasks import survey as survey_module
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
-from retrolidar_ros.tasks.state import Prior, State
 from retrolidar_ros.tasks.survey import Survey
 from retrolidar_ros.tasks.survey_files import parse_survey
 
@@ -116,8 +116,7 @@ def test_what_is_carried_away_is_never_published_between_two_places() -> None:
 
 def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() -> None:
     rng = np.random.default_rng(6)
-    prior = Prior(State(HERE, np.eye(3), np.zeros(3)), np.diag([1e-6] * 3 + [3.0] * 3))
-    landmark = Landmark('mug', ALONE, ERRORS, prior)
+    landmark = Landmark('mug', ALONE, ERRORS, prior_at(HERE, 1e-6, 3.0))
     assert np.array_equal(estimate_of(landmark).position_m, HERE)
     landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=1))
     assert squared(estimate_of(landmark), HERE) < 16.27
@@ -201,8 +200,7 @@ def test_a_survey_is_limited_and_prefers_what_is_placed(
 
 def test_after_a_restart_only_the_former_survey_is_known() -> None:
     rng = np.random.default_rng(22)
-    prior = Prior(State(HERE, np.eye(3), np.zeros(3)), 1e-4 * np.eye(6))
-    survey = Survey({}, ERRORS, {'mug': prior})
+    survey = Survey({}, ERRORS, {'mug': prior_at(HERE, 1e-4, 1e-4)})
     for index, eye_m in enumerate(SQUARE):
         survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
         survey.take('jar', seen(HERE, eye_m, rng, stamp_s=index, marker=8))

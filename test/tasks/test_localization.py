@@ -9,20 +9,19 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from harness_readings import ERRORS, HERE, SQUARE, estimate_of, seen
+from harness_readings import ERRORS, HERE, SQUARE, estimate_of, prior_at, seen
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.state import Prior
 from retrolidar_ros.tasks.survey import Backlog
 
 
 def known_room(
     survey: Sequence[tuple[int, Floats]],
 ) -> tuple[dict[str, Prior], dict[str, dict[int, Floats]]]:
-    covariance = np.diag([1e-6] * 3 + [3.0] * 3)
-    known = {str(one): Prior(State(at, np.eye(3), np.zeros(3)), covariance) for one, at in survey}
+    known = {str(one): prior_at(at, 1e-6, 3.0) for one, at in survey}
     return known, {str(one): {one: np.zeros(3)} for one, _ in survey}
 
 
@@ -45,8 +44,8 @@ def test_a_robot_finds_itself_among_four_markers() -> None:
     assert np.linalg.norm(pose.position_m - base_m) < 0.015
     turned = pose.rotation @ base.T
     assert math.degrees(abs(math.atan2(turned[1, 0], turned[0, 0]))) < 1
-    off = np.append(pose.position_m - base_m, np.zeros(3))
-    assert off[:3] @ np.linalg.solve(pose.covariance[:3, :3], off[:3]) < 16.27
+    off = pose.position_m - base_m
+    assert off @ np.linalg.solve(pose.covariance[:3, :3], off) < 16.27
 
 
 def test_no_pose_is_published_where_the_robot_is_not() -> None:
