@@ -73,6 +73,10 @@ def headlines(report: Report) -> str:
     one = false_ids.total(report[false_ids.NAME])
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
     rows.append(['How often is an ID read where there is no marker?', counted, '"none"', NOTHING])
+    wrong = report['rooms']['wrong']
+    counted = f'{wrong["rate"]:.2%}, at most {wrong["high"]:.2%} (95 %)'
+    what = 'How many IDs are wrong in [random rooms](docs/report/README.md#how-sure-a-reading-is)?'
+    rows.append([what, counted, NOTHING, NOTHING])
     lux = peers.words(figures, 'light', APRILTAG, 1)
     rows.append(_row('Does it need light?', 'no', 'no', f'yes: {lux}', wins=True))
     return markdown(rows)
