@@ -14,7 +14,8 @@ from retrolidar_ros.detector import METHODS
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.parameters import defaults
+from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
+from retrolidar_ros.detector.parameters import DetectorSettings, defaults
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
 
@@ -54,6 +55,26 @@ def test_detections_come_before_the_last_frame() -> None:
     source = iter(frames(10.0))
     assert next(decoding().detect(source)).id == ID
     assert len(list(source)) > 200
+
+
+def test_a_table_shows_the_best_of_what_was_rejected() -> None:
+    scene = a_scene(start_s=0.0, packets=None, bit_period_s=0.0455)
+    source, judging = list(simulate(scene, 6.0)), decoding()
+    rejected: dict[int, list[Candidate]] = {}
+    detector = DetectorSettings(defaults()).detector(source[0].grid)
+    assert isinstance(detector, LikelihoodDetector)
+    for frame in source:
+        assert not detector.update(frame)
+        for one in detector.candidates:
+            rejected.setdefault(one.zone, []).append(one)
+    assert not list(judging.detect(source))
+    explanation = judging.explanation()
+    rows = {int(row.split()[0]): row for row in judging.table(explanation, [])[1:-1]}
+    several = [zone for zone in rows if len(rejected.get(zone, ())) > 1]
+    assert several
+    for zone in several:
+        best = max(rejected[zone], key=lambda one: one.evidence)
+        assert f' {best.id}  {best.evidence:8.1f}' in rows[zone]
 
 
 FRAMES = list(repeating(6.0))
