@@ -119,16 +119,16 @@ class Statistics:
         """Forget all, and take the frames of a recording."""
         lib, ffi, grid = self.lib, self.ffi, recording.grid
 
-        def room(size: int) -> Any:
-            return ffi.new('double[]', size // 8 + 1)
-
         sensor = ffi.new('struct rl_sensor *')
         model = core_sensor(replace(VL53L8CX, noise=law), grid)
         ffi.memmove(sensor, core_ffi.buffer(model), ffi.sizeof('struct rl_sensor'))
-        samples = room(lib.rl_samples_bytes(grid.rows, grid.columns, KEPT))
-        self._memory = (samples, room(lib.rl_window_bytes(KEPT)))
-        lib.rl_samples_start(self.samples, sensor, KEPT, samples, bit_s)
-        lib.rl_window_start(self.window, self.samples, KEPT, self._memory[1])
+        memory = ffi.new('struct rl_memory *')
+        for counted in (True, False):
+            lib.rl_samples_start(self.samples, sensor, KEPT, bit_s, memory)
+            lib.rl_window_start(self.window, self.samples, memory)
+            if counted:
+                self._block = memory.block = ffi.new('char[]', memory.taken)
+                memory.taken = 0
         self.window.min_bit_s, self.window.max_bit_s = 0.965 * bit_s, 1.035 * bit_s
         lib.rl_samples_clear(self.samples, int(recording.stamp_ns[0]))
         ambient = self.array(np.zeros(grid.zones), 'float')
@@ -190,7 +190,6 @@ class Statistics:
         demands = self.ffi.new('struct rl_demands *')
         demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
         demands.wandering = wandering
-        demands.bit_s, demands.max_skew = self.samples.dark_s / self.lib.RL_MAX_DARK_BITS, 0.03
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):

@@ -106,8 +106,9 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
     struct rl_verdict *verdict = trial->verdict;
     struct rl_transmission *transmission = &verdict->transmission;
     const int packets = verdict->packets;
-    window->min_bit_s = demands->bit_s * (1.0 - demands->max_skew - SKEW_SLACK);
-    window->max_bit_s = demands->bit_s * (1.0 + demands->max_skew + SKEW_SLACK);
+    const double usual_s = window->samples->bit_s;
+    window->min_bit_s = usual_s * (1.0 - RL_MAX_SKEW - SKEW_SLACK);
+    window->max_bit_s = usual_s * (1.0 + RL_MAX_SKEW + SKEW_SLACK);
     const double bit_s = transmission->bit_s;
     verdict->evidence = rl_observation_open(window, channel, transmission, packets,
                                             consumed_until_s, since_s, to_s, &trial->silent_bits);
@@ -122,7 +123,7 @@ static int open(struct trial *trial, int channel, double consumed_until_s, doubl
         return RL_EVIDENCE;
     }
     if ((!transmission->repeats && verdict->end_s > to_s + transmission->bit_s / RL_PHASES) ||
-        fabs(transmission->bit_s / demands->bit_s - 1.0) > demands->max_skew + SKEW_SLACK / 2) {
+        fabs(transmission->bit_s / usual_s - 1.0) > RL_MAX_SKEW + SKEW_SLACK / 2) {
         /* A packet that has begun looks like a faster one of another ID. */
         return RL_INCOMPLETE;
     }

@@ -14,16 +14,16 @@
 
 /* binding */
 enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_READ };
-/* end of binding */
 
+/* What is asked of a packet [nats]. */
 struct rl_demands {
-    double evidence;  /* [nats] */
-    double wandering; /* more of it where the level wanders besides [nats] */
-    double word;      /* by how much another sequence of bits may be better [nats] */
-    double margin;    /* by how much a packet must be better than one of any other ID [nats] */
-    double bit_s;     /* as expected [s] */
-    double max_skew;  /* by how much a clock may be off */
+    double evidence;
+    double wandering;      /* more of it where the level wanders besides */
+    double word;           /* by how much another sequence of bits may be better */
+    double margin;         /* by how much a packet must be better than one of any other ID ... */
+    double margin_of_more; /* ... if more of its packets may come */
 };
+/* end of binding */
 
 struct rl_verdict {
     int reason; /* why it is rejected, or RL_READ */

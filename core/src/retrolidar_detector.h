@@ -16,10 +16,10 @@ enum { RL_MAX_READ = 16 };
 
 struct rl_settings {
     struct rl_sensor sensor;
-    int32_t max_packets;                                      /* that may be combined, 1 to 8 */
-    int32_t kept;                                             /* rows of samples that are held */
-    double bit_s;                                             /* how long markers hold a bit [s] */
-    double evidence, wandering, word, margin, margin_of_more; /* `rl_demands` [nats] */
+    int32_t max_packets; /* that may be combined, 1 to 8 */
+    int32_t kept;        /* rows of samples that are held */
+    double bit_s;        /* how long markers hold a bit [s] */
+    struct rl_demands demands;
 };
 
 /* A packet that was read. */

@@ -9,6 +9,7 @@
 #include "retrolidar_constants.h"
 #include "retrolidar_detector.h"
 #include "retrolidar_pool.h"
+#include "retrolidar_ranging.h"
 #include "retrolidar_residual.h"
 #include "retrolidar_search.h"
 
@@ -37,9 +38,10 @@ struct rl_detector {
     struct rl_residual residual;
     struct rl_pool pool;
     struct rl_bearing_table bearing;
-    float *values; /* room for placing, of a row each */
+    float *values; /* room for placing, of a row each ... */
     uint8_t *role;
-    struct rl_demands demands;
+    double *other; /* ... and of RL_MAX_OTHERS rows */
+    char *memory;  /* of all arrays */
     struct rl_counts counts;
     int64_t last_ns;
     double looked_s;

@@ -126,10 +126,10 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
 {
-    struct rl_demands demands = detector->demands;
+    struct rl_demands demands = detector->settings.demands;
     struct rl_interference *interference = &detector->window.interference;
     if (hit->transmission.repeats && packets < detector->settings.max_packets) {
-        demands.margin = detector->settings.margin_of_more;
+        demands.margin = demands.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s;
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
@@ -205,7 +205,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
-                       RL_MOST * detector->demands.evidence, 2.0 * detector->max_llr_deficit, hits);
+                       2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, channel);
     return rest;
@@ -228,8 +228,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         detector->decisions_left -= 3;
         *other = decide(detector, channel, packets, hit, hits, one, to_s);
-        if (other->evidence < RL_MOST * detector->demands.evidence ||
-            other->reason == RL_INCOMPLETE ||
+        if (other->evidence < detector->search.least || other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
@@ -269,7 +268,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     const bool may_hide =
         pending->since_s < begin_s && detector->samples.channel[pending->channel].zones == 1 &&
         verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-        verdict.reason != RL_MARGIN && verdict.evidence > RL_MOST * detector->demands.evidence;
+        verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
         add_reading(detector, &other);

@@ -40,7 +40,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
         .end_s = samples->end_s + *first,
         .light = detector->window.light,
         .alone = detector->window.part,
-        .other = detector->window.seen,
+        .other = detector->other,
     };
     rl_template(&transmission, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
     return seen;

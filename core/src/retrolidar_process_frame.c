@@ -26,7 +26,7 @@ static void search(struct rl_detector *detector, const int *channels, int count,
         return;
     }
     rl_search_look(&detector->search, channels, count, packets, from_s, to_s, since_s,
-                   RL_MOST * detector->demands.evidence, detector->max_llr_deficit, hits);
+                   detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
@@ -175,7 +175,8 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
-    const double min_bits = rl_decide_min_bits(&detector->search.codebook, &detector->demands);
+    const double min_bits =
+        rl_decide_min_bits(&detector->search.codebook, &detector->settings.demands);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
@@ -213,7 +214,6 @@ void rl_process_frame(struct rl_detector *detector)
     const double to_s = samples->end_s[samples->count - 1];
     const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
-    const double max_skew = detector->demands.max_skew;
     int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = WORDS_ENDED;
@@ -221,7 +221,7 @@ void rl_process_frame(struct rl_detector *detector)
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
     note_active(detector, to_s);
-    const double packet_bits = RL_PACKET_BITS * (1.0 - max_skew) - RL_OVERLAP_BITS;
+    const double packet_bits = RL_PACKET_BITS * (1.0 - RL_MAX_SKEW) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
     }
@@ -238,7 +238,7 @@ void rl_process_frame(struct rl_detector *detector)
     search(detector, channels, count, 1, from_s, to_s, -INFINITY);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
-        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + max_skew) + 1.0;
+        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + RL_MAX_SKEW) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }

@@ -9,19 +9,15 @@
 
 #include <string.h>
 
-int64_t rl_residual_bytes(int channels, int rows)
+void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
+                       struct rl_memory *memory)
 {
-    return rows * (int64_t)(2 * sizeof(double) + (size_t)channels * sizeof(float)) +
-           rl_room_bytes(rows);
-}
-
-void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
-                       void *memory)
-{
+    const int64_t rows = samples->kept;
     residual->samples = samples;
-    residual->light = memory;
-    residual->part = residual->light + rows;
-    residual->saved = rl_room_start(&residual->room, rows, residual->part + rows);
+    residual->light = rl_take(memory, rows * (int64_t)sizeof *residual->light);
+    residual->part = rl_take(memory, rows * (int64_t)sizeof *residual->part);
+    residual->saved = rl_take(memory, samples->channels * rows * (int64_t)sizeof *residual->saved);
+    rl_room_start(&residual->room, samples->kept, memory);
 }
 
 static double mean_of(const float *signal, int rows)

@@ -5,6 +5,7 @@
 #ifndef RETROLIDAR_SAMPLES_H
 #define RETROLIDAR_SAMPLES_H
 
+#include "retrolidar_memory.h"
 #include "retrolidar_sensor.h"
 
 #include <stdbool.h>
@@ -39,8 +40,8 @@ struct rl_samples {
     int capacity;            /* rows that there is memory for */
     int count;               /* rows that are held */
     int64_t origin_ns;       /* from which times count */
-    double period_s;         /* of the frames, as measured ... */
-    double usual_period_s;   /* ... and as expected until then */
+    double bit_s;            /* as expected [s] */
+    double period_s;         /* of the frames, as measured; half a bit until then [s] */
     int64_t *stamp_ns;       /* of each frame; RL_NO_FRAME = none came */
     double *begin_s, *end_s; /* of each exposure [s] */
     float *signal;           /* [kcps/SPAD]; of an erasure, the last one before it */
@@ -53,7 +54,6 @@ struct rl_samples {
     double *sum, *square;
     double ambient;      /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
-    double dark_s;       /* no packet is dark for longer at a stretch */
     double last_seen_s[RL_MAX_ZONES];
     float last_signal[RL_MAX_ZONES];
     double step_s[15]; /* the newest times from frame to frame */
@@ -66,22 +66,11 @@ static inline size_t rl_sample(const struct rl_samples *samples, int channel, in
     return (size_t)channel * (size_t)samples->capacity + (size_t)row;
 }
 
-/* Channels of a sensor. */
-static inline int rl_channels(int rows, int columns)
-{
-    int count = 0;
-    for (int side = 1; side <= RL_MAX_SIDE && side <= rows && side <= columns; side++) {
-        count += (rows - side + 1) * (columns - side + 1);
-    }
-    return count;
-}
-
-/* How much memory the arrays take, and where they begin in it, all zeros at first. */
-int64_t rl_samples_bytes(int rows, int columns, int kept);
+/* Take the arrays. */
 void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
-                      void *memory, double bit_s);
+                      double bit_s, struct rl_memory *memory);
 
-/* Forget all; times count from this stamp now. */
+/* Begin, or forget all: times count from this stamp now. */
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);
 
 /* Append a frame that is later than all before; return how many rows it has made. */

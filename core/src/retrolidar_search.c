@@ -27,18 +27,10 @@ struct kept {
     struct rl_soft_summary summary[RL_TRIED];
 };
 
-int64_t rl_search_bytes(int channels, int rows)
-{
-    return rl_view_bytes(channels, rows);
-}
-
-void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
-                     double max_skew, void *memory)
+void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
+                     struct rl_memory *memory)
 {
     search->samples = samples;
-    search->bit_s = bit_s;
-    search->max_skew = max_skew;
-    search->frames_a_bit = 0.0;
     for (int which = 0; which < WALK_COUNT; which++) {
         search->whitening[which].walk = WALKS[which];
     }
@@ -51,7 +43,7 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
 static void plan(struct rl_search *search)
 {
     enum { FINE = 16 };
-    const double frames = search->bit_s / search->samples->period_s;
+    const double frames = search->samples->bit_s / search->samples->period_s;
     if (fabs(frames - search->frames_a_bit) < 0.02 * frames) {
         return;
     }
@@ -105,10 +97,10 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
                      const struct rl_demand *demand)
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
-    const int clocks = (int)(search->max_skew * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
+    const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
-        trial.bit_s = search->bit_s * (1.0 + clock * search->max_skew / clocks);
+        trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
         if (all) {
             rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
@@ -131,7 +123,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
 static void look_at_ended(struct rl_search *search, int count, double from_s, double to_s,
                           const struct rl_demand *demand)
 {
-    const double eighth_s = search->bit_s / EIGHTHS;
+    const double eighth_s = search->samples->bit_s / EIGHTHS;
     const double newest = floor(to_s / eighth_s);
     int back = 0;
     for (; (newest - back) * eighth_s > from_s; back++) {
@@ -170,11 +162,11 @@ static void look_closely(struct rl_search *search, int lane, const struct kept *
         struct rl_lane best_lane = {.summary = kept->summary[i]};
         float most = -1.0f;
         for (int near = 0; near < 9; near++) {
-            const double longer_s = (near % 3 - 1) * skew / 2 * search->bit_s;
+            const double longer_s = (near % 3 - 1) * skew / 2 * search->samples->bit_s;
             struct rl_trial trial = kept->trial[i];
             struct rl_lane one;
             trial.bit_s += longer_s;
-            trial.end_s += (near / 3 - 1) * search->bit_s / EIGHTHS + half_bits * longer_s;
+            trial.end_s += (near / 3 - 1) * search->samples->bit_s / EIGHTHS + half_bits * longer_s;
             rl_view_place_bit_edges(&search->view, &trial);
             rl_view_integrate_lane(&search->view, &trial, lane, &one);
             float squares = 0.0f;
@@ -198,19 +190,19 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
                               const struct rl_demand *demand)
 {
     struct kept kept[RL_MAX_CHANNELS];
+    const double bit_s = search->samples->bit_s;
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
-    const int clocks = (int)(search->max_skew * half_bits / 2 * RL_PHASES + 0.999);
-    const double skew = search->max_skew / clocks;
+    const int clocks = (int)(RL_MAX_SKEW * half_bits / 2 * RL_PHASES + 0.999);
+    const double skew = RL_MAX_SKEW / clocks;
     /* All stretches have the same middle, or up to a bit before. */
-    const double middle_s = to_s - half_bits * search->bit_s * (1.0 + search->max_skew);
+    const double middle_s = to_s - half_bits * bit_s * (1.0 + RL_MAX_SKEW);
     for (int lane = 0; lane < count; lane++) {
         kept[lane].count = 0;
     }
     for (int clock = -clocks; clock <= clocks; clock++) {
         for (int quarter = 0; quarter < RL_PHASES; quarter++) {
-            struct rl_trial trial = {.packets = packets,
-                                     .bit_s = search->bit_s * (1.0 + clock * skew)};
-            trial.end_s = middle_s - quarter * search->bit_s / RL_PHASES + half_bits * trial.bit_s;
+            struct rl_trial trial = {.packets = packets, .bit_s = bit_s * (1.0 + clock * skew)};
+            trial.end_s = middle_s - quarter * bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_place_bit_edges(&search->view, &trial);
             rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
@@ -226,12 +218,13 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
 }
 
 void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double least,
-                    double max_llr_deficit, struct rl_hits *hits)
+                    double from_s, double to_s, double since_s, double max_llr_deficit,
+                    struct rl_hits *hits)
 {
     const double longest_bits =
-        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->max_skew);
+        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + RL_MAX_SKEW);
     const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + RL_PACKET_BITS + 1.0;
+    const double first_s = (packets > 0 ? to_s : from_s) - bits * search->samples->bit_s;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
@@ -247,12 +240,10 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
         if (lanes == 0) {
             continue;
         }
-        const double threshold = strong ? STRONG_SHARE * least : least;
-        const struct rl_demand demand = {(float)threshold, (float)max_llr_deficit, packets > 0,
+        const double least = strong ? STRONG_SHARE * search->least : search->least;
+        const struct rl_demand demand = {(float)least, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
-        const double first_s = packets > 0 ? to_s : from_s;
-        rl_view_open(&search->view, chosen, lanes, fmax(first_s - bits * search->bit_s, since_s),
-                     to_s, whitening->walk);
+        rl_view_open(&search->view, chosen, lanes, fmax(first_s, since_s), to_s, whitening->walk);
         if (packets > 0) {
             look_at_stretches(search, lanes, packets, to_s, &demand);
         } else {

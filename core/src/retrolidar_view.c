@@ -15,26 +15,21 @@ static int lanes_of(int channels)
     return (channels + RL_LANES - 1) / RL_LANES * RL_LANES;
 }
 
-int64_t rl_view_bytes(int channels, int rows)
+void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
+                   struct rl_memory *memory)
 {
-    return (int64_t)(rows + 1) * (4 * lanes_of(channels) + RL_LANES + 2) * (int64_t)sizeof(float) +
-           RL_LANES * rl_room_bytes(rows);
-}
-
-void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory)
-{
-    const size_t rows = (size_t)samples->kept + 1, lanes = (size_t)lanes_of(samples->channels);
+    const int64_t a_lane = (samples->kept + 1) * (int64_t)sizeof(float);
+    const int lanes = lanes_of(samples->channels);
     view->samples = samples;
-    view->light = memory;
-    view->total = view->light + rows * lanes;
-    view->power = view->total + rows * lanes;
-    view->valid = view->power + rows * lanes;
-    view->pivot = view->valid + rows * lanes;
-    view->begin = view->pivot + rows * RL_LANES;
-    view->rate = view->begin + rows;
-    void *next = view->rate + rows;
+    view->light = rl_take(memory, lanes * a_lane);
+    view->total = rl_take(memory, lanes * a_lane);
+    view->power = rl_take(memory, lanes * a_lane);
+    view->valid = rl_take(memory, lanes * a_lane);
+    view->pivot = rl_take(memory, RL_LANES * a_lane);
+    view->begin = rl_take(memory, a_lane);
+    view->rate = rl_take(memory, a_lane);
     for (int lane = 0; lane < RL_LANES; lane++) {
-        next = rl_room_start(&view->room[lane], samples->kept, next);
+        rl_room_start(&view->room[lane], samples->kept, memory);
     }
 }
 

@@ -67,8 +67,8 @@ struct rl_lane {
     struct rl_soft_summary summary;
 };
 
-int64_t rl_view_bytes(int channels, int rows);
-void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory);
+void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
+                   struct rl_memory *memory);
 
 /* Look at some channels from one time to another, whitened for steps of the level whose variance is
  * `walk` of that of the noise.

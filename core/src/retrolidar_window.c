@@ -13,26 +13,18 @@
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double MIN_NOISE = 0.5;
 
-int64_t rl_window_bytes(int rows)
+void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
+                     struct rl_memory *memory)
 {
-    return (rl_whitened_doubles(rows) + 4 * (int64_t)rows) * (int64_t)sizeof(double) +
-           rl_room_bytes(rows);
-}
-
-void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
-                     void *memory)
-{
-    double *next = memory;
+    const int64_t a_column = samples->kept * (int64_t)sizeof(double);
     memset(window, 0, sizeof *window);
     window->samples = samples;
-    window->max_rows = rows;
-    rl_whitened_start(&window->whitened, rows, next);
-    next += rl_whitened_doubles(rows);
-    window->light = next;
-    window->part = next + rows;
-    window->seen = next + 2 * rows;
-    window->profile = next + 3 * rows;
-    rl_room_start(&window->room, rows, next + 4 * rows);
+    rl_whitened_start(&window->whitened, samples->kept, memory);
+    window->light = rl_take(memory, a_column);
+    window->part = rl_take(memory, a_column);
+    window->seen = rl_take(memory, a_column);
+    window->profile = rl_take(memory, a_column);
+    rl_room_start(&window->room, samples->kept, memory);
 }
 
 static void light_of(struct rl_window *window, int marker, bool continues)
@@ -114,9 +106,9 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     const int end = rl_samples_row(samples, to_s - tiny_s) + 1;
     window->first = rl_samples_row(samples, from_s + tiny_s);
     window->rows = (end < samples->count ? end : samples->count) - window->first;
-    if (window->rows > window->max_rows) {
-        window->first += window->rows - window->max_rows;
-        window->rows = window->max_rows;
+    if (window->rows > samples->kept) {
+        window->first += window->rows - samples->kept;
+        window->rows = samples->kept;
     }
     if (window->rows < 0) {
         window->rows = 0;

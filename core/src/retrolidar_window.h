@@ -12,7 +12,6 @@
 
 struct rl_window {
     const struct rl_samples *samples;
-    int max_rows;
     int first, rows; /* in the samples */
     int channel;
     struct rl_whitened whitened;         /* samples */
@@ -27,9 +26,8 @@ struct rl_window {
     struct rl_room room;
 };
 
-int64_t rl_window_bytes(int rows);
-void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
-                     void *memory);
+void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
+                     struct rl_memory *memory);
 
 /* Look at the exposures of a channel from one time to another. */
 void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s);

@@ -128,7 +128,7 @@ class LikelihoodDetector:
                 'max_packets': max_packets,
                 'kept': _MIN_HELD,
                 'bit_s': bit_period_s,
-                **self.demands._asdict(),
+                'demands': self.demands._asdict(),
             },
         )
         core = lib.rl_detector_create(settings, array('uint16_t', ids), len(ids))
