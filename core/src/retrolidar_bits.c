@@ -25,9 +25,11 @@ struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first
     return bits;
 }
 
-void rl_bits_flip(struct rl_bits *bits, struct rl_window *window,
-                  const struct rl_transmission *transmission, double own, int split, bool later)
+void rl_bits_flip(struct rl_case *judged, int split, bool later)
 {
+    struct rl_bits *bits = &judged->bits;
+    struct rl_window *window = judged->window;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
     const double split_s = window->samples->begin_s[window->first + split];
     float second = 0.0f; /* what the packet's second bit does, which is dark */
     for (int bit = bits->count - 1; bit >= 0; bit--) {
@@ -41,7 +43,8 @@ void rl_bits_flip(struct rl_bits *bits, struct rl_window *window,
             const int of = (bits->first + bit - bits->silent) % RL_PACKET_BITS;
             struct rl_transmission other = *transmission;
             other.bits ^= rl_packet_bit(of);
-            bits->flipped[bit] = (float)(rl_window_try_part(window, &other, split, later) - own);
+            bits->flipped[bit] =
+                (float)(rl_window_try_part(window, &other, split, later) - judged->own);
             second = of == 1 ? bits->flipped[bit] : second;
         }
     }

@@ -91,14 +91,13 @@ static void add_reading(struct rl_detector *detector, const struct rl_verdict *v
     }
 }
 
-static void note(struct rl_detector *detector, int channel, int packets,
-                 const struct rl_verdict *verdict)
+static void note(struct rl_detector *detector, const struct rl_verdict *verdict)
 {
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
             verdict->id,
-            channel,
-            packets,
+            verdict->channel,
+            verdict->packets,
             verdict->reason,
             verdict->transmission.start_s,
             verdict->transmission.bit_s,
@@ -146,11 +145,19 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     if (beside != NULL) {
         add_beside(interference, beside);
     }
-    const struct rl_verdict verdict =
-        rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, hits,
-                  packets, detector->consumed_until_s[channel], since_s,
-                  rl_pool_is_followed(&detector->pool, hit->id, &train), to_s);
-    note(detector, channel, packets, &verdict);
+    struct rl_case judged = {
+        .window = &detector->window,
+        .codebook = &detector->search.codebook,
+        .demands = &demands,
+        .hits = hits,
+        .consumed_until_s = detector->consumed_until_s[channel],
+        .since_s = since_s,
+        .to_s = to_s,
+        .follows = rl_pool_is_followed(&detector->pool, hit->id, &train),
+        .verdict = {channel, packets, hit->id, .transmission = *transmission},
+    };
+    const struct rl_verdict verdict = rl_decide(&judged);
+    note(detector, &verdict);
     return verdict;
 }
 

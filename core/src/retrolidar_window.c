@@ -189,14 +189,6 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     return fit(window, window->light);
 }
 
-double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
-                          uint32_t bits)
-{
-    struct rl_transmission other = *transmission;
-    other.bits = bits;
-    return rl_window_try(window, &other);
-}
-
 /* Find how the gain changes if a packet is there. */
 static void find_profile(struct rl_window *window)
 {

@@ -52,10 +52,6 @@ double rl_window_try_stretch(struct rl_window *window, const struct rl_transmiss
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
                          const struct rl_transmission *other);
 
-/* The same of other bits. */
-double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
-                          uint32_t bits);
-
 /* Let the gain change from now on as the light of a packet does, if that explains more than it
  * costs: for whatever is tried in this window, as its rivals may move as it does. Return what it
  * costs [nats].
