@@ -6,7 +6,6 @@
 #include "retrolidar_bits.h"
 #include "retrolidar_clock.h"
 #include "retrolidar_observation.h"
-#include "retrolidar_refine.h"
 #include "retrolidar_rivals.h"
 #include "retrolidar_word.h"
 

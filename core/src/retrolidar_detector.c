@@ -1,10 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_detector.h"
-
-#include "retrolidar_constants.h"
-#include "retrolidar_process_frame.h"
+#include "retrolidar_detector_state.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -60,4 +60,13 @@ struct rl_detector {
     int pendings;
 };
 
+/* Search the newest samples, and judge what is found, the most promising first. */
+void rl_process_frame(struct rl_detector *detector);
+
+/* Judge the best hit of a channel, and what it may hide. */
+void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
+
+/* Note a packet that is read. The window's interference is the verdict's. */
+void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
+
 #endif

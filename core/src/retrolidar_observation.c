@@ -3,8 +3,6 @@
  */
 #include "retrolidar_observation.h"
 
-#include "retrolidar_refine.h"
-
 #include <math.h>
 
 /* Bits from the start of what is sent to the middle of the window that it was found in. */

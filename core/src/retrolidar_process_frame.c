@@ -1,9 +1,9 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_process_frame.h"
-
-#include "retrolidar_judge.h"
+/* What is searched when: after each frame, the channels in which a packet may have ended or come.
+ */
+#include "retrolidar_detector_state.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>

@@ -4,7 +4,6 @@
 #include "retrolidar_rivals.h"
 
 #include "retrolidar_bits.h"
-#include "retrolidar_refine.h"
 
 #include <math.h>
 #include <stddef.h>

@@ -52,6 +52,14 @@ double rl_window_try_stretch(struct rl_window *window, const struct rl_transmiss
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
                          const struct rl_transmission *other);
 
+/* Find the start and the bit period that are likeliest, near to those given; return the log
+ * likelihood. The limits of the bit period are to be set before.
+ *
+ * half_bits: from the start to the middle of the window
+ */
+double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
+                        double half_bits);
+
 /* Let the gain change from now on as the light of a packet does, if that explains more than it
  * costs: for whatever is tried in this window, as its rivals may move as it does. Return what it
  * costs [nats].

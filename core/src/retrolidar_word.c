@@ -3,8 +3,6 @@
  */
 #include "retrolidar_word.h"
 
-#include "retrolidar_refine.h"
-
 #include <math.h>
 
 enum { FLIPS = 4 }; /* bits that are flipped to make a better sequence */
