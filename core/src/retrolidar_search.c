@@ -19,12 +19,17 @@ static const double STRONG_SHARE = 1.3;
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 
+/* A stretch of a lane. */
+struct stretch {
+    float share; /* by how much its bits stand out */
+    struct rl_trial trial;
+    struct rl_soft_summary summary;
+};
+
 /* The stretches of a lane whose bits stand out most, by any sequence of bits. */
 struct kept {
     int count;
-    float share[RL_TRIED];
-    struct rl_trial trial[RL_TRIED];
-    struct rl_soft_summary summary[RL_TRIED];
+    struct stretch stretch[RL_TRIED];
 };
 
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
@@ -69,27 +74,6 @@ static void plan(struct rl_search *search)
         whitening->energy.decay = (float)pow(memory, frames);
         rl_codebook_smooth(&search->codebook, &whitening->energy, &whitening->smooth);
     }
-}
-
-static void keep_trial(struct kept *kept, const struct rl_trial *trial,
-                       const struct rl_soft_summary *summary, float share)
-{
-    int at = kept->count;
-    while (at > 0 && kept->share[at - 1] < share) {
-        at--;
-    }
-    if (at == RL_TRIED) {
-        return;
-    }
-    kept->count += kept->count < RL_TRIED;
-    for (int i = kept->count - 1; i > at; i--) {
-        kept->share[i] = kept->share[i - 1];
-        kept->trial[i] = kept->trial[i - 1];
-        kept->summary[i] = kept->summary[i - 1];
-    }
-    kept->share[at] = share;
-    kept->trial[at] = *trial;
-    kept->summary[at] = *summary;
 }
 
 /* Try packets that end at one time, at all clocks, in all lanes or in those that are promising. */
@@ -142,47 +126,42 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     }
 }
 
-/* By how much the bits of a trial stand out, of which that is the sum of squares. */
-static float stand_out(const struct rl_trial *trial, const struct rl_soft_summary *summary,
-                       float squares)
+static struct stretch stretch_of(const struct rl_trial *trial,
+                                 const struct rl_soft_summary *summary)
 {
-    return squares / (trial->own * (float)trial->packets * summary->power);
+    const float expected = trial->own * (float)trial->packets * summary->power;
+    return (struct stretch){summary->squares / expected, *trial, *summary};
 }
 
-static void look_closely(struct rl_search *search, int lane, const struct kept *kept, double skew,
-                         double half_bits, const struct rl_demand *demand)
+static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
+                         double skew, double half_bits, const struct rl_demand *demand)
 {
-    for (int i = 0; i < kept->count; i++) {
-        if (rl_llr_upper_bound(demand, &kept->trial[i], &kept->summary[i]) <
-            (float)RL_MOST * demand->least) {
-            continue;
+    const double bit_s = search->samples->bit_s;
+    if (rl_llr_upper_bound(demand, &stretch->trial, &stretch->summary) <
+        (float)RL_MOST * demand->least) {
+        return;
+    }
+    /* Between those that were tried there may be a better one. */
+    struct rl_trial best = stretch->trial;
+    struct rl_lane best_lane = {.summary = stretch->summary};
+    float most = -1.0f;
+    for (int near = 0; near < 9; near++) {
+        const double longer_s = (near % 3 - 1) * skew / 2 * bit_s;
+        struct rl_trial trial = stretch->trial;
+        struct rl_lane one;
+        trial.bit_s += longer_s;
+        trial.end_s += (near / 3 - 1) * bit_s / EIGHTHS + half_bits * longer_s;
+        rl_view_place_bit_edges(&search->view, &trial);
+        rl_view_integrate_lane(&search->view, &trial, lane, &one);
+        const float share = stretch_of(&trial, &one.summary).share;
+        if (share > most) {
+            most = share;
+            best = trial;
+            best_lane = one;
         }
-        /* Between those that were tried there may be a better one. */
-        struct rl_trial best = kept->trial[i];
-        struct rl_lane best_lane = {.summary = kept->summary[i]};
-        float most = -1.0f;
-        for (int near = 0; near < 9; near++) {
-            const double longer_s = (near % 3 - 1) * skew / 2 * search->samples->bit_s;
-            struct rl_trial trial = kept->trial[i];
-            struct rl_lane one;
-            trial.bit_s += longer_s;
-            trial.end_s += (near / 3 - 1) * search->samples->bit_s / EIGHTHS + half_bits * longer_s;
-            rl_view_place_bit_edges(&search->view, &trial);
-            rl_view_integrate_lane(&search->view, &trial, lane, &one);
-            float squares = 0.0f;
-            for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-                squares += one.soft[bit] * one.soft[bit];
-            }
-            const float share = stand_out(&trial, &one.summary, squares);
-            if (share > most) {
-                most = share;
-                best = trial;
-                best_lane = one;
-            }
-        }
-        if (rl_shortlist_is_possible(demand, &best, &best_lane.summary)) {
-            rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
-        }
+    }
+    if (rl_shortlist_is_possible(demand, &best, &best_lane.summary)) {
+        rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
     }
 }
 
@@ -206,14 +185,15 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
             rl_view_place_bit_edges(&search->view, &trial);
             rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
-                const struct rl_soft_summary *summary = &search->sums.summary[lane];
-                keep_trial(&kept[lane], &trial, summary,
-                           stand_out(&trial, summary, search->sums.squares[lane]));
+                const struct stretch one = stretch_of(&trial, &search->sums.summary[lane]);
+                rl_keep_best(kept[lane].stretch, &kept[lane].count, RL_TRIED, &one, sizeof one);
             }
         }
     }
     for (int lane = 0; lane < count; lane++) {
-        look_closely(search, lane, &kept[lane], skew, half_bits, demand);
+        for (int i = 0; i < kept[lane].count; i++) {
+            look_closely(search, lane, &kept[lane].stretch[i], skew, half_bits, demand);
+        }
     }
 }
 

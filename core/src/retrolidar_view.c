@@ -176,7 +176,7 @@ static struct rl_soft_summary summary_of(const struct rl_view *view, const struc
     const size_t first = (size_t)from * lanes + (size_t)lane;
     const float samples = view->valid[last] - view->valid[first];
     const float power = (view->power[last] - view->power[first]) * samples / (float)(to - from);
-    return (struct rl_soft_summary){0, 0.0f, rl_maxf(power, 1e-6f), samples};
+    return (struct rl_soft_summary){.power = rl_maxf(power, 1e-6f), .samples = samples};
 }
 
 void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial,
@@ -205,7 +205,7 @@ void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_tria
             *one = summary_of(view, trial, (int)lane + i);
             one->dark = dark[i];
             one->any = any[i];
-            sums->squares[lane + (size_t)i] = squares[i];
+            one->squares = squares[i];
         }
     }
 }
@@ -228,6 +228,7 @@ void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *t
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         sums->summary.dark |= sums->soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
         sums->summary.any += rl_maxf(sums->soft[bit], 0.0f);
+        sums->summary.squares += sums->soft[bit] * sums->soft[bit];
     }
 }
 

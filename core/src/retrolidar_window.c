@@ -5,6 +5,7 @@
 
 #include "retrolidar_constants.h"
 #include "retrolidar_gain_profile.h"
+#include "retrolidar_math.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>
@@ -82,14 +83,11 @@ static void add_interferer(struct rl_window *window, int marker)
 static void whiten(struct rl_window *window)
 {
     const struct rl_samples *samples = window->samples;
-    double sum = 0.0;
     const struct rl_column column =
         rl_target_column(samples, window->channel, window->first, window->rows, &window->room);
-    for (int row = 0; row < window->rows; row++) {
-        sum += (double)column.signal[row];
-    }
     const double noise =
-        rl_noise_variance(samples, window->channel, sum / fmax(window->rows, 1.0));
+        rl_noise_variance(samples, window->channel, rl_mean(column.signal, window->rows));
+    window->column = column;
     rl_whiten(&window->whitened, column.signal, column.valid, samples->begin_s + window->first,
               samples->end_s + window->first, window->rows, samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
@@ -193,9 +191,8 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
 static void find_profile(struct rl_window *window)
 {
     double gain[RL_KNOTS], most = 0.0;
-    const struct rl_column column = rl_target_column(window->samples, window->channel,
-                                                     window->first, window->rows, &window->room);
-    rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows, gain);
+    rl_gain_profile_fit(window->column.signal, window->column.valid, window->light, window->rows,
+                        gain);
     for (int knot = 0; knot < RL_KNOTS; knot++) {
         gain[knot] = fmax(gain[knot], 0.0);
         most = fmax(most, gain[knot]);

@@ -14,7 +14,8 @@ struct rl_window {
     const struct rl_samples *samples;
     int first, rows; /* in the samples */
     int channel;
-    struct rl_whitened whitened;         /* samples */
+    struct rl_column column;             /* samples, of the target in question ... */
+    struct rl_whitened whitened;         /* ... and whitened */
     struct rl_gain fit;                  /* of the template that was tried last */
     struct rl_interference interference; /* of the windows that are opened from now on */
     double min_bit_s, max_bit_s;         /* limits of a refinement */
