@@ -56,8 +56,6 @@ static struct slicer slicer_of(struct rl_window *window)
 static void slice(struct slicer *slicer, struct clock *clock)
 {
     const struct rl_window *window = slicer->window;
-    const double *begin_s = window->samples->begin_s + window->first;
-    const double *end_s = window->samples->end_s + window->first;
     const float middle = (slicer->level[0] + slicer->level[1]) / 2;
     const float half = (slicer->level[1] - slicer->level[0]) / 2;
     const float least = (float)window->whitened.least;
@@ -65,7 +63,7 @@ static void slice(struct slicer *slicer, struct clock *clock)
     float squares = 0.0f, count = 0.0f;
     clock->bits = 0;
     for (int row = 0; row < window->rows; row++) {
-        const double middle_s = (begin_s[row] + end_s[row]) / 2;
+        const double middle_s = (window->begin_s[row] + window->end_s[row]) / 2;
         const int bit = (int)((middle_s - clock->begin_s) * per_s);
         for (; clock->bits <= bit && clock->bits < MAX_BITS; clock->bits++) {
             slicer->beyond[clock->bits] = 0.0f;
@@ -88,12 +86,10 @@ static void slice(struct slicer *slicer, struct clock *clock)
 static double try_clock(struct slicer *slicer, struct clock *clock)
 {
     struct rl_window *window = slicer->window;
-    const double *begin_s = window->samples->begin_s + window->first;
-    const double *end_s = window->samples->end_s + window->first;
     slice(slicer, clock);
     for (int row = 0; row < window->rows; row++) {
-        const double from = (begin_s[row] - clock->begin_s) / clock->bit_s;
-        const double to = (end_s[row] - clock->begin_s) / clock->bit_s;
+        const double from = (window->begin_s[row] - clock->begin_s) / clock->bit_s;
+        const double to = (window->end_s[row] - clock->begin_s) / clock->bit_s;
         double bright = 0.0;
         for (int bit = (int)fmax(from, 0.0); bit < to && bit < clock->bits; bit++) {
             const double part = fmin(to, bit + 1.0) - fmax(from, bit);
@@ -112,7 +108,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
     struct clock best[RL_TRIED];
     double excess = -INFINITY;
     const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
-    const double begin_s = window->samples->begin_s[window->first];
+    const double begin_s = window->begin_s[0];
     for (int i = 0; i < RL_TRIED; i++) {
         best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
     }
@@ -131,7 +127,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
             }
         }
     }
-    const double end_s = window->samples->end_s[window->first + window->rows - 1];
+    const double end_s = window->end_s[window->rows - 1];
     const double ours = (end_s - begin_s) / transmission->bit_s;
     for (int i = 0; i < RL_TRIED; i++) {
         const double likelihood = try_clock(&slicer, &best[i]);

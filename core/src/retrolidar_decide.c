@@ -164,16 +164,16 @@ static double unknown_bits(const struct rl_bits *bits, int count)
 {
     double unknown = 0.0;
     for (int bit = 0; bit < count; bit++) {
-        const int at = (bit - bits->first + RL_PACKET_BITS) % RL_PACKET_BITS;
-        unknown += exp(fmin((double)bits->flipped[bits->silent + at], 0.0));
+        const float flipped = bits->flipped[bits->silent + rl_bit_of(bit - bits->first)];
+        unknown += exp(fmin((double)flipped, 0.0));
     }
     return unknown;
 }
 
 /* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
- * are unknown: a bit less of a word's redundancy is a bit more of chance, or two where something has
- * appeared, as that is judged with each bit again. With few registered IDs, more may be unknown, and
- * any of a packet that was expected. None is a packet of which most of the preamble is unknown.
+ * are unknown: a bit less of a word's redundancy is a bit more of chance, or two where something
+ * has appeared, as that is judged with each bit again. With few registered IDs, more may be unknown,
+ * and any of a packet that was expected. None is a packet of which most of the preamble is unknown.
  */
 static double max_word_of(const struct rl_case *judged)
 {
@@ -192,8 +192,7 @@ static bool is_word(struct rl_case *judged)
     /* A refined start may be later than the begin of the window. */
     const double since_bits = (judged->to_s - transmission->start_s) / transmission->bit_s -
                               RL_PACKET_BITS * (verdict->packets - 1);
-    const int since = (int)floor(since_bits + 0.5) % RL_PACKET_BITS;
-    const int begin = transmission->repeats ? (since + RL_PACKET_BITS) % RL_PACKET_BITS : 0;
+    const int begin = transmission->repeats ? rl_bit_of((int)floor(since_bits + 0.5)) : 0;
     judged->bits = rl_bits_cut(transmission, begin, judged->silent_bits);
     verdict->word = flip_bits(judged);
     const double any = judged->own + verdict->word;

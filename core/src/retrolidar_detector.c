@@ -101,24 +101,10 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
     return frames;
 }
 
-int32_t rl_detector_readings(const struct rl_detector *detector)
+struct rl_newest rl_detector_newest(const struct rl_detector *detector)
 {
-    return detector->readings;
-}
-
-struct rl_reading rl_detector_reading(const struct rl_detector *detector, int32_t index)
-{
-    return detector->reading[index];
-}
-
-int32_t rl_detector_candidates(const struct rl_detector *detector)
-{
-    return detector->candidates;
-}
-
-struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index)
-{
-    return detector->candidate[index];
+    return (struct rl_newest){detector->readings, detector->candidates, detector->reading,
+                              detector->candidate};
 }
 
 struct rl_held rl_detector_held(const struct rl_detector *detector)

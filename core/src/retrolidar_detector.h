@@ -43,6 +43,13 @@ struct rl_candidate {
     double evidence, word, margin; /* [nats], 0 where it has not come so far */
 };
 
+/* What was read with the frame that was taken last, and what was judged. */
+struct rl_newest {
+    int32_t readings, candidates;
+    const struct rl_reading *reading;
+    const struct rl_candidate *candidate;
+};
+
 /* The samples that are held, `capacity` rows of one channel or zone after those of another; `first`
  * is the oldest row that is sure.
  */
@@ -72,13 +79,7 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
                          const float *signal, const float *distance, const float *ambient,
                          const uint8_t *status);
 
-/* What was read with the frame that was taken last. */
-int32_t rl_detector_readings(const struct rl_detector *detector);
-struct rl_reading rl_detector_reading(const struct rl_detector *detector, int32_t index);
-
-/* What was judged with that frame. */
-int32_t rl_detector_candidates(const struct rl_detector *detector);
-struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index);
+struct rl_newest rl_detector_newest(const struct rl_detector *detector);
 
 struct rl_held rl_detector_held(const struct rl_detector *detector);
 

@@ -99,6 +99,9 @@ bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_tr
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
                       const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
+    if (!rl_shortlist_is_possible(demand, trial, &lane->summary)) {
+        return;
+    }
     const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
     const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);

@@ -57,7 +57,8 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     whitened->explained = 0.0;
     memset(whitened->log_scales, 0, sizeof whitened->log_scales);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-        product[walk] = 1.0;
+        variance[walk] = product[walk] = 1.0;
+        level[walk] = 0.0;
     }
     for (int row = 0; row < rows; row++) {
         if (!valid[row]) {
@@ -74,8 +75,6 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
             /* The level is unknown, so the first sample only sets it. */
             first = value;
             for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-                variance[walk] = 1.0;
-                level[walk] = 0.0;
                 gain[walk] = scale[walk] = white[walk] = 0.0;
             }
             continue;

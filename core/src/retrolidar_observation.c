@@ -73,7 +73,6 @@ bool rl_observation_is_erased(const struct rl_case *judged)
     const struct rl_transmission *transmission = &judged->verdict.transmission;
     const struct rl_whitened *whitened = &window->whitened;
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
-    const struct rl_samples *samples = window->samples;
     int sample = 0, erased = 0;
     if (whitened->samples < window->rows / 2) {
         return true;
@@ -81,13 +80,12 @@ bool rl_observation_is_erased(const struct rl_case *judged)
     for (int row = 0; row < window->rows; row++) {
         const bool valid = sample < whitened->samples && whitened->row[sample] == row;
         sample += valid;
-        const double middle_s =
-            (samples->begin_s[window->first + row] + samples->end_s[window->first + row]) / 2;
+        const double middle_s = (window->begin_s[row] + window->end_s[row]) / 2;
         const double since = floor((middle_s - transmission->start_s) / transmission->bit_s);
         if (!transmission->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
             continue;
         }
-        const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
+        const int bit = rl_bit_of((int)since);
         all[bit] += 1.0;
         known[bit] += valid;
     }

@@ -11,10 +11,11 @@
 
 enum {
     FOLDS = 5,
-    /* Soft bits of packets that have ended that are held against all words with a frame, at the
-     * most; half as many besides of packets that repeat.
+    /* Soft bits that are held against all words with a frame, at the most: of packets that have
+     * ended, and besides of those that repeat.
      */
     WORDS_ENDED = 200,
+    WORDS_REPEATING = 100,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
@@ -228,7 +229,7 @@ void rl_process_frame(struct rl_detector *detector)
     judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MAX_ZONES, channels);
     search(detector, channels, count, 0, from_s, to_s, -INFINITY);
-    detector->search.words_left += WORDS_ENDED / 2;
+    detector->search.words_left += WORDS_REPEATING;
     const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
     const bool is_new_slot = slot != detector->slot;
     detector->slot = slot;

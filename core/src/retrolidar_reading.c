@@ -22,29 +22,22 @@ static double energy_in(struct rl_window *window, int zone, const struct rl_verd
 }
 
 /* The zones that saw a packet, of a sum those with a part in it, the strongest first. */
-static int zones_of(struct rl_window *window, const struct rl_verdict *verdict, int *zones)
+static int zones_of(struct rl_window *window, const struct rl_verdict *verdict, int32_t *zones)
 {
     const struct rl_channel *sum = &window->samples->channel[verdict->channel];
     double most = 0.0, energy[RL_MAX_ZONES];
-    int seen = 0;
+    int32_t seen = 0;
     zones[0] = sum->zone[0];
     if (sum->zones == 1) {
         return 1;
     }
     for (int i = 0; i < sum->zones; i++) {
-        energy[i] = energy_in(window, sum->zone[i], verdict);
-        most = fmax(most, energy[i]);
+        energy[sum->zone[i]] = energy_in(window, sum->zone[i], verdict);
+        most = fmax(most, energy[sum->zone[i]]);
     }
     for (int i = 0; i < sum->zones; i++) {
-        const double own = energy[i];
-        if (own >= RL_MIN_PART * most) {
-            int at = seen++;
-            for (; at > 0 && energy[at - 1] < own; at--) {
-                zones[at] = zones[at - 1];
-                energy[at] = energy[at - 1];
-            }
-            zones[at] = sum->zone[i];
-            energy[at] = own;
+        if (energy[sum->zone[i]] >= RL_MIN_PART * most) {
+            rl_add_zone(zones, &seen, sum->zone[i], energy);
         }
     }
     return seen;
@@ -69,7 +62,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     if (detector->readings == RL_READINGS) {
         return;
     }
-    int zones[RL_MAX_ZONES];
+    int32_t zones[RL_MAX_ZONES];
     const int seen = zones_of(&detector->window, verdict, zones);
     /* A packet of many frames may have begun before what is held. */
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];

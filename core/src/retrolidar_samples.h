@@ -11,6 +11,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 enum {
     RL_MAX_SIDE = 4,       /* of a square of zones that are summed, as wide as the view of 4x4 */
@@ -64,6 +65,22 @@ struct rl_samples {
 static inline size_t rl_sample(const struct rl_samples *samples, int channel, int row)
 {
     return (size_t)channel * (size_t)samples->capacity + (size_t)row;
+}
+
+/* Whether a zone is the same as another one or beside it. */
+static inline bool rl_zone_beside(int zone, int other, int columns)
+{
+    return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
+}
+
+/* Add a zone to some that are sorted by their strength, the strongest first. */
+static inline void rl_add_zone(int32_t *zones, int32_t *count, int zone, const double *strength)
+{
+    int32_t at = (*count)++;
+    for (; at > 0 && strength[zones[at - 1]] < strength[zone]; at--) {
+        zones[at] = zones[at - 1];
+    }
+    zones[at] = zone;
 }
 
 /* Take the arrays. */

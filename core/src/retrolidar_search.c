@@ -96,9 +96,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
                 rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
             } else if (!all && search->shortlist[lane].words > 0) {
                 rl_view_integrate_lane(&search->view, &trial, lane, &one);
-                if (rl_shortlist_is_possible(demand, &trial, &one.summary)) {
-                    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
-                }
+                rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
             }
         }
     }
@@ -160,9 +158,7 @@ static void look_closely(struct rl_search *search, int lane, const struct stretc
             best_lane = one;
         }
     }
-    if (rl_shortlist_is_possible(demand, &best, &best_lane.summary)) {
-        rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
-    }
+    rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
 }
 
 static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,

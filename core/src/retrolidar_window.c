@@ -30,10 +30,8 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 
 static void light_of(struct rl_window *window, int marker, bool continues)
 {
-    rl_interference_light(&window->interference, marker, continues,
-                          window->samples->begin_s + window->first,
-                          window->samples->end_s + window->first, window->rows, window->part,
-                          window->light);
+    rl_interference_light(&window->interference, marker, continues, window->begin_s,
+                          window->end_s, window->rows, window->part, window->light);
 }
 
 /* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
@@ -88,8 +86,8 @@ static void whiten(struct rl_window *window)
     const double noise =
         rl_noise_variance(samples, window->channel, rl_mean(column.signal, window->rows));
     window->column = column;
-    rl_whiten(&window->whitened, column.signal, column.valid, samples->begin_s + window->first,
-              samples->end_s + window->first, window->rows, samples->period_s, MIN_NOISE * noise);
+    rl_whiten(&window->whitened, column.signal, column.valid, window->begin_s, window->end_s,
+              window->rows, samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         if (rl_interference_marker(&window->interference, i) == i) {
             add_interferer(window, i);
@@ -111,6 +109,8 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     if (window->rows < 0) {
         window->rows = 0;
     }
+    window->begin_s = samples->begin_s + window->first;
+    window->end_s = samples->end_s + window->first;
     window->channel = channel;
     window->has_profile = false;
     whiten(window);
@@ -136,8 +136,7 @@ static double fit(struct rl_window *window, const double *light)
 
 static void lay_light(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    rl_template(transmission, window->samples->begin_s + window->first,
-                window->samples->end_s + window->first, window->rows, window->light);
+    rl_template(transmission, window->begin_s, window->end_s, window->rows, window->light);
 }
 
 double rl_window_try_light(struct rl_window *window)
@@ -161,14 +160,13 @@ double rl_window_try_part(struct rl_window *window, const struct rl_transmission
 double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
                              uint32_t bits, double from_s, double to_s)
 {
-    const double *begin_s = window->samples->begin_s + window->first;
     struct rl_transmission other = *transmission;
     other.bits = bits;
     lay_light(window, transmission);
     memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
     lay_light(window, &other);
     for (int row = 0; row < window->rows; row++) {
-        if (begin_s[row] >= from_s && begin_s[row] < to_s) {
+        if (window->begin_s[row] >= from_s && window->begin_s[row] < to_s) {
             window->part[row] = window->light[row];
         }
     }

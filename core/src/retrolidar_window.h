@@ -13,6 +13,7 @@
 struct rl_window {
     const struct rl_samples *samples;
     int first, rows; /* in the samples */
+    const double *begin_s, *end_s; /* of each exposure [s] */
     int channel;
     struct rl_column column;             /* samples, of the target in question ... */
     struct rl_whitened whitened;         /* ... and whitened */

@@ -25,7 +25,7 @@ double rl_word_flip_bits(const struct rl_case *judged)
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        first[(bits->first + bit) % RL_PACKET_BITS] = bits->flipped[bits->silent + bit];
+        first[rl_bit_of(bits->first + bit)] = bits->flipped[bits->silent + bit];
     }
     for (int round = 0; round < FLIPS && better < enough; round++) {
         uint32_t flipped = 0;
@@ -56,10 +56,10 @@ double rl_word_packets(const struct rl_case *judged)
     struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
     const double enough = 2.0 * judged->demands->word;
-    const double *begin_s = window->samples->begin_s + window->first;
     const double bit_s = transmission->bit_s, packet_s = RL_PACKET_BITS * bit_s;
-    const double first = floor((begin_s[0] - transmission->start_s) / packet_s);
-    const double last = floor((begin_s[window->rows - 1] - transmission->start_s) / packet_s);
+    const double first = floor((window->begin_s[0] - transmission->start_s) / packet_s);
+    const double newest_s = window->begin_s[window->rows - 1];
+    const double last = floor((newest_s - transmission->start_s) / packet_s);
     double better = 0.0;
     for (int bit = 0; bit < RL_PACKET_BITS && better < enough; bit++) {
         const uint32_t bits = transmission->bits ^ rl_packet_bit(bit);

@@ -235,8 +235,9 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
             more = lib.rl_detector_push(detector, end - taken, *buffers)
             assert 0 < more <= end - taken
             taken += more
-            read += lib.rl_detector_readings(detector)
-            candidates += lib.rl_detector_candidates(detector)
+            newest = lib.rl_detector_newest(detector)
+            read += newest.readings
+            candidates += newest.candidates
             place_all(ffi, lib, detector)
             follow_all(lib, tracks)
         check(ffi, lib, detector, settings, ids)
