@@ -99,7 +99,7 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        names = 'decide bits rivals successive clock gain_profile observation noise'
+        names = 'decide bits rivals clock gain_profile observation noise'
         self.ffi, self.lib = bind_core(directories, *names.split())
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
@@ -119,16 +119,16 @@ class Statistics:
         """Forget all, and take the frames of a recording."""
         lib, ffi, grid = self.lib, self.ffi, recording.grid
 
-        def room(size: int) -> Any:
-            return ffi.new('double[]', size // 8 + 1)
-
         sensor = ffi.new('struct rl_sensor *')
         model = core_sensor(replace(VL53L8CX, noise=law), grid)
         ffi.memmove(sensor, core_ffi.buffer(model), ffi.sizeof('struct rl_sensor'))
-        samples = room(lib.rl_samples_bytes(grid.rows, grid.columns, KEPT))
-        self._memory = (samples, room(lib.rl_window_bytes(KEPT)))
-        lib.rl_samples_start(self.samples, sensor, KEPT, samples, bit_s)
-        lib.rl_window_start(self.window, self.samples, KEPT, self._memory[1])
+        memory = ffi.new('struct rl_memory *')
+        for counted in (True, False):
+            lib.rl_samples_start(self.samples, sensor, KEPT, bit_s, memory)
+            lib.rl_window_start(self.window, self.samples, memory)
+            if counted:
+                self._block = memory.block = ffi.new('char[]', memory.taken)
+                memory.taken = 0
         self.window.min_bit_s, self.window.max_bit_s = 0.965 * bit_s, 1.035 * bit_s
         lib.rl_samples_clear(self.samples, int(recording.stamp_ns[0]))
         ambient = self.array(np.zeros(grid.zones), 'float')
@@ -190,25 +190,34 @@ class Statistics:
         demands = self.ffi.new('struct rl_demands *')
         demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
         demands.wandering = wandering
-        demands.bit_s, demands.max_skew = self.samples.dark_s / self.lib.RL_MAX_DARK_BITS, 0.03
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
             hit.id, hit.transmission = int(number), self.given(sending)[0]
-        asked = (demands, source, given.hit, given, packets, -np.inf, -np.inf, False, to_s)
-        return self.lib.rl_decide(self.window, self.codebook, *asked)
+        first = given.hit[0]
+        judged = self.case({'channel': source, 'packets': packets, 'id': first.id})
+        judged.verdict.transmission = first.transmission
+        judged.demands, judged.hits, judged.to_s = demands, given, to_s
+        judged.consumed_until_s = judged.since_s = -np.inf
+        return self.lib.rl_decide(judged)
+
+    def case(self, verdict: dict[str, Any]) -> Any:
+        """Return a packet that is judged in the window."""
+        known = {'window': self.window, 'codebook': self.codebook, 'verdict': verdict}
+        return self.ffi.new('struct rl_case *', known)
 
     def margins(self, sending: Sending, number: int) -> tuple[Any, float, float]:
         """Return bits of a packet in the window, and its margins against sequences and parts."""
-        lib, bits = self.lib, self.ffi.new('struct rl_bits *')
-        own, given = self.attempt(sending).log_likelihood, self.given(sending)
+        lib, given = self.lib, self.given(sending)
+        judged = self.case({'packets': 1, 'id': number, 'transmission': given[0]})
+        judged.own = self.attempt(sending).log_likelihood
         begin_s = self.samples.begin_s[self.window.first]
         begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
-        bits[0] = lib.rl_bits_cut(given, begin, 0)
-        lib.rl_bits_flip(bits, self.window, given, own, 0, True)
-        asked = (self.window, self.codebook, bits, given, own, number)
-        successive = lib.rl_successive_margin(*asked)
-        return bits, successive, lib.rl_rivals_part_margin(*asked)
+        judged.bits = lib.rl_bits_cut(given, begin, 0)
+        lib.rl_bits_flip(judged, 0, True)
+        successive = lib.rl_rivals_successive_margin(judged)
+        bits = self.ffi.new('struct rl_bits *', judged.bits)
+        return bits, successive, lib.rl_rivals_part_margin(judged)
 
     def other_clock(self, sending: Sending, packets: int) -> float:
         """Return by how much bits of another clock, or another period, are likelier."""

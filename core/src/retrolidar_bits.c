@@ -6,17 +6,20 @@
 #include <math.h>
 #include <string.h>
 
+static bool is_dark(const struct rl_transmission *transmission, int bit)
+{
+    return (transmission->bits & rl_packet_bit(rl_bit_of(bit))) != 0;
+}
+
 struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first, int silent)
 {
     struct rl_bits bits = {.count = silent + RL_PACKET_BITS, .silent = silent, .first = first};
     bits.begin_s = transmission->start_s + (first - silent) * transmission->bit_s;
     for (int bit = silent; bit < bits.count; bit++) {
-        const int of = (first + bit - silent) % RL_PACKET_BITS;
-        bits.dark[bit] = (transmission->bits & rl_packet_bit(of)) != 0;
+        bits.dark[bit] = is_dark(transmission, first + bit - silent);
     }
     if (transmission->repeats) {
-        const int before = (first + RL_PACKET_BITS - 1) % RL_PACKET_BITS;
-        bits.dark_before = (transmission->bits & rl_packet_bit(before)) != 0;
+        bits.dark_before = is_dark(transmission, first - 1);
         bits.dark_after = bits.dark[silent];
     } else {
         bits.dark_before = transmission->dark_before;
@@ -25,10 +28,12 @@ struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first
     return bits;
 }
 
-void rl_bits_flip(struct rl_bits *bits, struct rl_window *window,
-                  const struct rl_transmission *transmission, double own, int split, bool later)
+void rl_bits_flip(struct rl_case *judged, int split, bool later)
 {
-    const double split_s = window->samples->begin_s[window->first + split];
+    struct rl_bits *bits = &judged->bits;
+    struct rl_window *window = judged->window;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
+    const double split_s = window->begin_s[split];
     float second = 0.0f; /* what the packet's second bit does, which is dark */
     for (int bit = bits->count - 1; bit >= 0; bit--) {
         const double middle_s = bits->begin_s + (bit + 0.5) * transmission->bit_s;
@@ -38,10 +43,11 @@ void rl_bits_flip(struct rl_bits *bits, struct rl_window *window,
             /* What a dark bit there would do is not tried: about as much as in the packet. */
             bits->flipped[bit] = second;
         } else {
-            const int of = (bits->first + bit - bits->silent) % RL_PACKET_BITS;
+            const int of = rl_bit_of(bits->first + bit - bits->silent);
             struct rl_transmission other = *transmission;
             other.bits ^= rl_packet_bit(of);
-            bits->flipped[bit] = (float)(rl_window_try_part(window, &other, split, later) - own);
+            bits->flipped[bit] =
+                (float)(rl_window_try_part(window, &other, split, later) - judged->own);
             second = of == 1 ? bits->flipped[bit] : second;
         }
     }
@@ -50,9 +56,7 @@ void rl_bits_flip(struct rl_bits *bits, struct rl_window *window,
 /* Add what a bit does if it is flipped to what the packet does that has it, if any. */
 static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool dark, float flipped)
 {
-    if (repeats) {
-        of = (of % RL_PACKET_BITS + RL_PACKET_BITS) % RL_PACKET_BITS;
-    }
+    of = repeats ? rl_bit_of(of) : of;
     if (of >= 0 && of < RL_PACKET_BITS) {
         weight[of] += dark ? -flipped : flipped;
     }

@@ -28,30 +28,24 @@ struct clock {
     double cost; /* about, less the log likelihood [nats] */
 };
 
-/* The samples of the first channel, and the levels of dark and bright. */
+/* A window, and the levels of dark and bright in it. */
 struct slicer {
-    const struct rl_samples *samples;
-    struct rl_column column;
-    int first, rows;
-    float level[2], least;
-    float beyond[MAX_BITS], count[MAX_BITS]; /* of the samples of each bit, over the middle level */
+    struct rl_window *window;
+    float level[2];
+    float beyond[MAX_BITS]; /* of the samples of each bit, over the middle level */
 };
 
 /* Find the mean level of the samples in which the packet that was tried last is dark, and bright.
  */
 static struct slicer slicer_of(struct rl_window *window)
 {
-    struct slicer slicer = {.samples = window->samples,
-                            .first = window->first,
-                            .rows = window->rows,
-                            .least = (float)window->whitened.least};
+    struct slicer slicer = {.window = window};
+    const struct rl_column column = window->column;
     float count[2] = {1e-9f, 1e-9f};
-    slicer.column = rl_target_column(window->samples, window->channel, window->first,
-                                     window->rows, &window->room);
     for (int row = 0; row < window->rows; row++) {
         const int bright = window->light[row] > 0.5;
-        slicer.level[bright] += slicer.column.valid[row] ? slicer.column.signal[row] : 0.0f;
-        count[bright] += slicer.column.valid[row];
+        slicer.level[bright] += column.valid[row] ? column.signal[row] : 0.0f;
+        count[bright] += column.valid[row];
     }
     slicer.level[0] /= count[0];
     slicer.level[1] /= count[1];
@@ -61,21 +55,21 @@ static struct slicer slicer_of(struct rl_window *window)
 /* Sort the samples into the bits of a clock, each of which has the level that it is nearer to. */
 static void slice(struct slicer *slicer, struct clock *clock)
 {
-    const struct rl_samples *samples = slicer->samples;
+    const struct rl_window *window = slicer->window;
     const float middle = (slicer->level[0] + slicer->level[1]) / 2;
     const float half = (slicer->level[1] - slicer->level[0]) / 2;
+    const float least = (float)window->whitened.least;
     const double per_s = 1.0 / clock->bit_s;
     float squares = 0.0f, count = 0.0f;
     clock->bits = 0;
-    for (int row = 0; row < slicer->rows; row++) {
-        const double middle_s =
-            (samples->begin_s[slicer->first + row] + samples->end_s[slicer->first + row]) / 2;
+    for (int row = 0; row < window->rows; row++) {
+        const double middle_s = (window->begin_s[row] + window->end_s[row]) / 2;
         const int bit = (int)((middle_s - clock->begin_s) * per_s);
         for (; clock->bits <= bit && clock->bits < MAX_BITS; clock->bits++) {
             slicer->beyond[clock->bits] = 0.0f;
         }
-        if (slicer->column.valid[row] && bit < MAX_BITS) {
-            const float beyond = slicer->column.signal[row] - middle;
+        if (window->column.valid[row] && bit < MAX_BITS) {
+            const float beyond = window->column.signal[row] - middle;
             slicer->beyond[bit] += beyond;
             squares += beyond * beyond + half * half;
             count += 1.0f;
@@ -84,18 +78,18 @@ static void slice(struct slicer *slicer, struct clock *clock)
     for (int bit = 0; bit < clock->bits; bit++) {
         squares -= 2.0f * half * fabsf(slicer->beyond[bit]);
     }
-    clock->cost = 0.5 * (double)(count * logf(fmaxf(squares, count * slicer->least))) +
+    clock->cost = 0.5 * (double)(count * logf(fmaxf(squares, count * least))) +
                   COST_OF_BIT * clock->bits;
 }
 
 /* Log likelihood of the bits that a clock shows. */
-static double try_clock(struct rl_window *window, struct slicer *slicer, struct clock *clock)
+static double try_clock(struct slicer *slicer, struct clock *clock)
 {
-    const struct rl_samples *samples = window->samples;
+    struct rl_window *window = slicer->window;
     slice(slicer, clock);
     for (int row = 0; row < window->rows; row++) {
-        const double from = (samples->begin_s[window->first + row] - clock->begin_s) / clock->bit_s;
-        const double to = (samples->end_s[window->first + row] - clock->begin_s) / clock->bit_s;
+        const double from = (window->begin_s[row] - clock->begin_s) / clock->bit_s;
+        const double to = (window->end_s[row] - clock->begin_s) / clock->bit_s;
         double bright = 0.0;
         for (int bit = (int)fmax(from, 0.0); bit < to && bit < clock->bits; bit++) {
             const double part = fmin(to, bit + 1.0) - fmax(from, bit);
@@ -114,7 +108,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
     struct clock best[RL_TRIED];
     double excess = -INFINITY;
     const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
-    const double begin_s = window->samples->begin_s[window->first];
+    const double begin_s = window->begin_s[0];
     for (int i = 0; i < RL_TRIED; i++) {
         best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
     }
@@ -133,10 +127,10 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
             }
         }
     }
-    const double end_s = window->samples->end_s[window->first + window->rows - 1];
+    const double end_s = window->end_s[window->rows - 1];
     const double ours = (end_s - begin_s) / transmission->bit_s;
     for (int i = 0; i < RL_TRIED; i++) {
-        const double likelihood = try_clock(window, &slicer, &best[i]);
+        const double likelihood = try_clock(&slicer, &best[i]);
         excess = fmax(excess, likelihood - own - COST_OF_BIT * fmax(best[i].bits - ours, 0.0));
     }
     return excess;

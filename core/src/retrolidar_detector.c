@@ -1,66 +1,24 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_detector.h"
-
-#include "retrolidar_constants.h"
-#include "retrolidar_process_frame.h"
+#include "retrolidar_detector_state.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-static int64_t aligned(int64_t bytes)
+/* Take all arrays. */
+static void start(struct rl_detector *detector, struct rl_memory *memory)
 {
-    return (bytes + 15) / 16 * 16;
-}
-
-struct rl_detector *rl_detector_create(const struct rl_settings *settings, const uint16_t *ids,
-                                       int32_t count)
-{
-    const struct rl_sensor *sensor = &settings->sensor;
-    const int rows = settings->kept;
-    const int64_t head = aligned((int64_t)sizeof(struct rl_detector));
-    const int64_t samples = aligned(rl_samples_bytes(sensor->rows, sensor->columns, rows));
-    const int channels = rl_channels(sensor->rows, sensor->columns);
-    const int64_t search = aligned(rl_search_bytes(channels, rows));
-    const int64_t window = aligned(rl_window_bytes(rows));
-    const int64_t residual = aligned(rl_residual_bytes(channels, rows));
-    const int64_t values = rows * (int64_t)(sizeof(float) + 1);
-    char *memory = calloc(1, (size_t)(head + samples + search + window + residual + values));
-    if (memory == NULL) {
-        return NULL;
-    }
-    struct rl_detector *detector = (struct rl_detector *)memory;
-    detector->settings = *settings;
-    detector->demands = (struct rl_demands){
-        .evidence = settings->evidence,
-        .wandering = settings->wandering,
-        .word = settings->word,
-        .margin = settings->margin,
-        .bit_s = settings->bit_s,
-        .max_skew = RL_MAX_SKEW,
-    };
-    /* On coarse templates others may be better by some more. */
-    detector->max_llr_deficit = RL_COST_OF_CHANCE + settings->word;
-    memory += head;
-    rl_samples_start(&detector->samples, sensor, rows, memory, settings->bit_s);
-    memory += samples;
-    rl_codebook_start(&detector->search.codebook, ids, count);
-    rl_search_start(&detector->search, &detector->samples, settings->bit_s, RL_MAX_SKEW, memory);
-    memory += search;
-    rl_window_start(&detector->window, &detector->samples, rows, memory);
-    memory += window;
-    rl_residual_start(&detector->residual, &detector->samples, rows, memory);
-    memory += residual;
-    detector->values = (float *)memory;
-    detector->role = (uint8_t *)(detector->values + rows);
-    rl_bearing_start(&detector->bearing);
-    return detector;
-}
-
-void rl_detector_destroy(struct rl_detector *detector)
-{
-    free(detector);
+    const struct rl_settings *settings = &detector->settings;
+    const int64_t rows = settings->kept;
+    struct rl_samples *samples = &detector->samples;
+    rl_samples_start(samples, &settings->sensor, settings->kept, settings->bit_s, memory);
+    rl_search_start(&detector->search, samples, memory);
+    rl_window_start(&detector->window, samples, memory);
+    rl_residual_start(&detector->residual, samples, memory);
+    detector->other = rl_take(memory, RL_MAX_OTHERS * rows * (int64_t)sizeof *detector->other);
+    detector->values = rl_take(memory, rows * (int64_t)sizeof *detector->values);
+    detector->role = rl_take(memory, rows);
 }
 
 /* Forget all that came before. */
@@ -77,6 +35,41 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     }
     for (int channel = 0; channel < RL_MAX_CHANNELS; channel++) {
         detector->consumed_until_s[channel] = -INFINITY;
+    }
+}
+
+struct rl_detector *rl_detector_create(const struct rl_settings *settings, const uint16_t *ids,
+                                       int32_t count)
+{
+    struct rl_memory memory = {NULL, 0};
+    struct rl_detector *detector = calloc(1, sizeof *detector);
+    if (detector == NULL) {
+        return NULL;
+    }
+    detector->settings = *settings;
+    start(detector, &memory);
+    memory.block = calloc(1, (size_t)memory.taken);
+    if (memory.block == NULL) {
+        free(detector);
+        return NULL;
+    }
+    memory.taken = 0;
+    start(detector, &memory);
+    detector->memory = memory.block;
+    detector->search.least = RL_MOST * settings->demands.evidence;
+    /* On coarse templates others may be better by some more. */
+    detector->max_llr_deficit = RL_COST_OF_CHANCE + settings->demands.word;
+    rl_codebook_start(&detector->search.codebook, ids, count);
+    rl_bearing_start(&detector->bearing);
+    restart(detector, 0);
+    return detector;
+}
+
+void rl_detector_destroy(struct rl_detector *detector)
+{
+    if (detector != NULL) {
+        free(detector->memory);
+        free(detector);
     }
 }
 
@@ -108,24 +101,10 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
     return frames;
 }
 
-int32_t rl_detector_readings(const struct rl_detector *detector)
+struct rl_newest rl_detector_newest(const struct rl_detector *detector)
 {
-    return detector->readings;
-}
-
-struct rl_reading rl_detector_reading(const struct rl_detector *detector, int32_t index)
-{
-    return detector->reading[index];
-}
-
-int32_t rl_detector_candidates(const struct rl_detector *detector)
-{
-    return detector->candidates;
-}
-
-struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index)
-{
-    return detector->candidate[index];
+    return (struct rl_newest){detector->readings, detector->candidates, detector->reading,
+                              detector->candidate};
 }
 
 struct rl_held rl_detector_held(const struct rl_detector *detector)

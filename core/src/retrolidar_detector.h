@@ -16,10 +16,10 @@ enum { RL_MAX_READ = 16 };
 
 struct rl_settings {
     struct rl_sensor sensor;
-    int32_t max_packets;                                      /* that may be combined, 1 to 8 */
-    int32_t kept;                                             /* rows of samples that are held */
-    double bit_s;                                             /* how long markers hold a bit [s] */
-    double evidence, wandering, word, margin, margin_of_more; /* `rl_demands` [nats] */
+    int32_t max_packets; /* that may be combined, 1 to 8 */
+    int32_t kept;        /* rows of samples that are held */
+    double bit_s;        /* how long markers hold a bit [s] */
+    struct rl_demands demands;
 };
 
 /* A packet that was read. */
@@ -41,6 +41,13 @@ struct rl_candidate {
     int32_t reason; /* why it is not read, RL_READ if it is */
     double start_s, bit_s;
     double evidence, word, margin; /* [nats], 0 where it has not come so far */
+};
+
+/* What was read with the frame that was taken last, and what was judged. */
+struct rl_newest {
+    int32_t readings, candidates;
+    const struct rl_reading *reading;
+    const struct rl_candidate *candidate;
 };
 
 /* The samples that are held, `capacity` rows of one channel or zone after those of another; `first`
@@ -72,13 +79,7 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
                          const float *signal, const float *distance, const float *ambient,
                          const uint8_t *status);
 
-/* What was read with the frame that was taken last. */
-int32_t rl_detector_readings(const struct rl_detector *detector);
-struct rl_reading rl_detector_reading(const struct rl_detector *detector, int32_t index);
-
-/* What was judged with that frame. */
-int32_t rl_detector_candidates(const struct rl_detector *detector);
-struct rl_candidate rl_detector_candidate(const struct rl_detector *detector, int32_t index);
+struct rl_newest rl_detector_newest(const struct rl_detector *detector);
 
 struct rl_held rl_detector_held(const struct rl_detector *detector);
 

@@ -9,6 +9,7 @@
 #include "retrolidar_constants.h"
 #include "retrolidar_detector.h"
 #include "retrolidar_pool.h"
+#include "retrolidar_ranging.h"
 #include "retrolidar_residual.h"
 #include "retrolidar_search.h"
 
@@ -37,9 +38,10 @@ struct rl_detector {
     struct rl_residual residual;
     struct rl_pool pool;
     struct rl_bearing_table bearing;
-    float *values; /* room for placing, of a row each */
+    float *values; /* room for placing, of a row each ... */
     uint8_t *role;
-    struct rl_demands demands;
+    double *other; /* ... and of RL_MAX_OTHERS rows */
+    char *memory;  /* of all arrays */
     struct rl_counts counts;
     int64_t last_ns;
     double looked_s;
@@ -57,5 +59,14 @@ struct rl_detector {
     struct rl_pending pending[RL_MAX_PENDING];
     int pendings;
 };
+
+/* Search the newest samples, and judge what is found, the most promising first. */
+void rl_process_frame(struct rl_detector *detector);
+
+/* Judge the best hit of a channel, and what it may hide. */
+void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
+
+/* Note a packet that is read. The window's interference is the verdict's. */
+void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
 
 #endif

@@ -55,14 +55,16 @@ static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
     }
 }
 
-struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
-                                           const double *light, int rows, double gain[RL_KNOTS])
+/* Products of the light of the knots, their sums with the signal, and squares of it: of steps. */
+struct sums {
+    double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total;
+    int steps;
+};
+
+static struct sums sums_of(const float *signal, const uint8_t *valid, const double *light, int rows)
 {
-    double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total = 0.0, energy = 0.0;
-    int before = -1, steps = 0;
-    memset(normal, 0, sizeof normal);
-    memset(right, 0, sizeof right);
-    for (int row = 0; row < rows; row++) {
+    struct sums sums = {.steps = 0};
+    for (int row = 0, before = -1; row < rows; row++) {
         if (!valid[row]) {
             continue;
         }
@@ -73,40 +75,46 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
             add_light(column, before, rows, -light[before]);
             for (int i = 0; i < RL_KNOTS; i++) {
                 for (int j = 0; column[i] != 0.0 && j < RL_KNOTS; j++) {
-                    normal[i][j] += column[i] * column[j];
+                    sums.normal[i][j] += column[i] * column[j];
                 }
-                right[i] += column[i] * step;
+                sums.right[i] += column[i] * step;
             }
-            total += step * step;
-            steps++;
+            sums.total += step * step;
+            sums.steps++;
         }
         before = row;
     }
-    double sums[RL_KNOTS], all = 0.0, common = 0.0;
-    memcpy(sums, right, sizeof sums);
+    return sums;
+}
+
+struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
+                                           const double *light, int rows, double gain[RL_KNOTS])
+{
+    struct sums sums = sums_of(signal, valid, light, rows);
+    double right[RL_KNOTS], energy = 0.0, all = 0.0, common = 0.0, explained = 0.0;
+    memcpy(right, sums.right, sizeof right);
     for (int i = 0; i < RL_KNOTS; i++) {
-        energy += normal[i][i] / RL_KNOTS;
+        energy += sums.normal[i][i] / RL_KNOTS;
         common += right[i];
         for (int j = 0; j < RL_KNOTS; j++) {
-            all += normal[i][j];
+            all += sums.normal[i][j];
         }
     }
     for (int i = 0; i < RL_KNOTS; i++) {
         const double stiff = STIFFNESS * energy + 1e-9;
-        normal[i][i] += (i > 0 && i + 1 < RL_KNOTS ? 2.0 : 1.0) * stiff;
+        sums.normal[i][i] += (i > 0 && i + 1 < RL_KNOTS ? 2.0 : 1.0) * stiff;
         if (i > 0) {
-            normal[i][i - 1] -= stiff;
-            normal[i - 1][i] -= stiff;
+            sums.normal[i][i - 1] -= stiff;
+            sums.normal[i - 1][i] -= stiff;
         }
     }
-    solve(normal, right);
-    double explained = 0.0;
+    solve(sums.normal, right);
     for (int i = 0; i < RL_KNOTS; i++) {
-        explained += right[i] * sums[i];
+        explained += right[i] * sums.right[i];
     }
     /* Several gains take a part of whatever is there besides; so they must be worth it. */
     const double steady = all > 0.0 ? common * common / all : 0.0;
-    const bool changes = total - explained < RL_MOST * (total - steady);
+    const bool changes = sums.total - explained < RL_MOST * (sums.total - steady);
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
@@ -114,7 +122,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     const double price =
         2.0 * RL_COST_OF_CHANCE + (changes ? RL_COST_OF_GAIN * (RL_KNOTS - 1) : 0.0);
     const double taken = changes ? explained : steady;
-    const double left = fmax((total - taken) / fmax(steps, 1.0), 1e-12);
+    const double left = fmax((sums.total - taken) / fmax(sums.steps, 1.0), 1e-12);
     return (struct rl_gain_profile){taken / (2.0 * left) - price, common, all};
 }
 

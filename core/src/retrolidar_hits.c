@@ -52,21 +52,6 @@ static int free_slot(const struct rl_shortlist *shortlist)
     return slot;
 }
 
-static void keep_entry(struct rl_shortlist_entry *kept, int *count, int max_entries,
-                       struct rl_shortlist_entry entry)
-{
-    int at = *count;
-    while (at > 0 && kept[at - 1].nats < entry.nats) {
-        at--;
-    }
-    if (at >= max_entries) {
-        return;
-    }
-    *count += *count < max_entries;
-    memmove(kept + at + 1, kept + at, (size_t)(*count - 1 - at) * sizeof *kept);
-    kept[at] = entry;
-}
-
 /* Keep the best sequence of each clock. */
 static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_entry entry)
 {
@@ -83,7 +68,7 @@ static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_en
             break;
         }
     }
-    keep_entry(sequence, &shortlist->sequences, RL_TRIED, entry);
+    rl_keep_best(sequence, &shortlist->sequences, RL_TRIED, &entry, sizeof entry);
 }
 
 /* What any sequence of bits explains at the most. */
@@ -114,6 +99,9 @@ bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_tr
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
                       const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
 {
+    if (!rl_shortlist_is_possible(demand, trial, &lane->summary)) {
+        return;
+    }
     const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
     const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
@@ -144,8 +132,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         }
         const float nats = nats_of(squared, &lane->summary);
         if (upper_bound - nats <= demand->max_llr_deficit) {
-            keep_entry(shortlist->word, &shortlist->words, max_words,
-                       (struct rl_shortlist_entry){nats, shift, slot});
+            const struct rl_shortlist_entry entry = {nats, shift, slot};
+            rl_keep_best(shortlist->word, &shortlist->words, max_words, &entry, sizeof entry);
         }
     }
 }
@@ -188,25 +176,21 @@ static double start_of(const struct rl_trial *trial)
     return trial->end_s - RL_PACKET_BITS * trial->packets * trial->bit_s;
 }
 
+/* Keep the best hit of each ID. */
 static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
 {
-    int at = 0;
-    while (at < hits->count && hits->hit[at].id != hit->id) {
-        at++;
-    }
-    if (at == hits->count) {
-        hits->count += hits->count < RL_HITS;
-        at = hits->count - 1;
-        if (at == RL_HITS - 1 && hits->hit[at].nats >= hit->nats && hits->hit[at].id != 0) {
-            return;
+    for (int i = 0; i < hits->count; i++) {
+        struct rl_hit *other = &hits->hit[i];
+        if (other->id == hit->id) {
+            if (other->nats >= hit->nats) {
+                return;
+            }
+            hits->count--;
+            memmove(other, other + 1, (size_t)(hits->count - i) * sizeof *other);
+            break;
         }
-    } else if (hits->hit[at].nats >= hit->nats) {
-        return;
     }
-    for (; at > 0 && hits->hit[at - 1].nats < hit->nats; at--) {
-        hits->hit[at] = hits->hit[at - 1];
-    }
-    hits->hit[at] = *hit;
+    rl_keep_best(hits->hit, &hits->count, RL_HITS, hit, sizeof *hit);
 }
 
 int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left)
@@ -233,7 +217,6 @@ int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left
 void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
                   const struct rl_codebook *codebook, const struct rl_demand *demand)
 {
-    memset(hits->hit, 0, sizeof hits->hit);
     hits->count = hits->sequences = 0;
     for (int word = 0; word < shortlist->words; word++) {
         const struct rl_shortlist_entry *entry = &shortlist->word[word];

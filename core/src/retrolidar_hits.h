@@ -74,8 +74,9 @@ float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *
 bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
                               const struct rl_soft_summary *summary);
 
-/* Note what a trial holds that is possible: sequences, and packets that begin with one of its first
- * bits. */
+/* Note what a trial holds if it is possible: sequences, and packets that begin with one of its
+ * first bits.
+ */
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
                       const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
 

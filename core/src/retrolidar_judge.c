@@ -1,12 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_judge.h"
-
-#include "retrolidar_zones.h"
+/* What becomes of a hit of the search: it is read, alone or with one that it hides, or rejected. */
+#include "retrolidar_detector_state.h"
 
 #include <math.h>
-#include <string.h>
 
 /* Whether a packet of an ID has been read that overlaps with a time by more than a few bits. */
 static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
@@ -15,90 +13,18 @@ static bool is_known(const struct rl_detector *detector, uint16_t id, double beg
                          RL_LOOK_BITS * detector->settings.bit_s);
 }
 
-/* When the packet begins that the window holds the most of: before the window, if it was joined in
- * its middle, or a few bits later, if those are of another.
- */
-static double start_of(const struct rl_verdict *verdict)
-{
-    const struct rl_transmission *transmission = &verdict->transmission;
-    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
-    const double packets = (verdict->begin_s - transmission->start_s) / packet_s;
-    return transmission->repeats ? transmission->start_s + packet_s * floor(packets + 0.25)
-                                 : transmission->start_s;
-}
-
 static struct rl_packet_train train_of(const struct rl_verdict *verdict)
 {
     return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
 }
 
-/* The zones that saw a packet, the strongest first. */
-static int zones_of(struct rl_detector *detector, const struct rl_verdict *verdict, int *zones)
-{
-    double gains[RL_MAX_ZONES];
-    const int seen = rl_zones_of_packet(&detector->window, verdict, zones, gains);
-    for (int i = 1; i < seen; i++) {
-        const int zone = zones[i];
-        const double gain = gains[i];
-        int at = i;
-        for (; at > 0 && gains[at - 1] < gain; at--) {
-            zones[at] = zones[at - 1];
-            gains[at] = gains[at - 1];
-        }
-        zones[at] = zone;
-        gains[at] = gain;
-    }
-    return seen;
-}
-
-static void add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
-{
-    const struct rl_samples *samples = &detector->samples;
-    detector->counts.accepted++;
-    if (detector->readings == RL_READINGS) {
-        return;
-    }
-    int zones[RL_MAX_ZONES];
-    const int seen = zones_of(detector, verdict, zones);
-    /* A packet of many frames may have begun before what is held. */
-    struct rl_packet_train train = train_of(verdict);
-    train.begin_s = fmax(train.begin_s, samples->begin_s[rl_samples_oldest(samples)]);
-    struct rl_reading *reading = &detector->reading[detector->readings++];
-    *reading = (struct rl_reading){
-        .id = verdict->id,
-        .repeats = verdict->transmission.repeats,
-        .packets = verdict->packets,
-        .start_s = start_of(verdict),
-        .bit_s = verdict->transmission.bit_s,
-        .begin_s = train.begin_s,
-        .end_s = train.end_s,
-        .evidence = verdict->evidence,
-        .margin = verdict->margin,
-        .zones = seen < RL_MAX_READ ? seen : RL_MAX_READ,
-    };
-    memcpy(reading->zone, zones, (size_t)reading->zones * sizeof *zones);
-    rl_pool_add(&detector->pool, samples, verdict->id, &train, zones, seen);
-    uint64_t read = 0;
-    for (int i = 0; i < reading->zones; i++) {
-        read |= (uint64_t)1 << zones[i];
-        detector->is_read_anew[zones[i]] = true;
-    }
-    for (int channel = 0; channel < samples->channels; channel++) {
-        if ((rl_channel_zones(samples, channel) & read) != 0) {
-            detector->consumed_until_s[channel] =
-                fmax(detector->consumed_until_s[channel], reading->end_s);
-        }
-    }
-}
-
-static void note(struct rl_detector *detector, int channel, int packets,
-                 const struct rl_verdict *verdict)
+static void note(struct rl_detector *detector, const struct rl_verdict *verdict)
 {
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = (struct rl_candidate){
             verdict->id,
-            channel,
-            packets,
+            verdict->channel,
+            verdict->packets,
             verdict->reason,
             verdict->transmission.start_s,
             verdict->transmission.bit_s,
@@ -126,10 +52,10 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
 {
-    struct rl_demands demands = detector->demands;
+    struct rl_demands demands = detector->settings.demands;
     struct rl_interference *interference = &detector->window.interference;
     if (hit->transmission.repeats && packets < detector->settings.max_packets) {
-        demands.margin = detector->settings.margin_of_more;
+        demands.margin = demands.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s;
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
@@ -146,11 +72,19 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     if (beside != NULL) {
         add_beside(interference, beside);
     }
-    const struct rl_verdict verdict =
-        rl_decide(&detector->window, &detector->search.codebook, &demands, channel, hit, hits,
-                  packets, detector->consumed_until_s[channel], since_s,
-                  rl_pool_is_followed(&detector->pool, hit->id, &train), to_s);
-    note(detector, channel, packets, &verdict);
+    struct rl_case judged = {
+        .window = &detector->window,
+        .codebook = &detector->search.codebook,
+        .demands = &demands,
+        .hits = hits,
+        .consumed_until_s = detector->consumed_until_s[channel],
+        .since_s = since_s,
+        .to_s = to_s,
+        .follows = rl_pool_is_followed(&detector->pool, hit->id, &train),
+        .verdict = {channel, packets, hit->id, .transmission = *transmission},
+    };
+    const struct rl_verdict verdict = rl_decide(&judged);
+    note(detector, &verdict);
     return verdict;
 }
 
@@ -205,7 +139,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
-                       RL_MOST * detector->demands.evidence, 2.0 * detector->max_llr_deficit, hits);
+                       2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, channel);
     return rest;
@@ -228,8 +162,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         detector->decisions_left -= 3;
         *other = decide(detector, channel, packets, hit, hits, one, to_s);
-        if (other->evidence < RL_MOST * detector->demands.evidence ||
-            other->reason == RL_INCOMPLETE ||
+        if (other->evidence < detector->search.least || other->reason == RL_INCOMPLETE ||
             is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
@@ -269,13 +202,13 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     const bool may_hide =
         pending->since_s < begin_s && detector->samples.channel[pending->channel].zones == 1 &&
         verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-        verdict.reason != RL_MARGIN && verdict.evidence > RL_MOST * detector->demands.evidence;
+        verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
-        add_reading(detector, &other);
+        rl_add_reading(detector, &other);
     }
     if (verdict.reason == RL_READ) {
-        add_reading(detector, &verdict);
+        rl_add_reading(detector, &verdict);
     } else {
         detector->counts.rejected[verdict.reason]++;
     }

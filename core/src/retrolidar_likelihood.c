@@ -12,21 +12,17 @@ static const double NO_ENERGY = 1e-9;
 static const double Q_OVER_R[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1,
                                                0.3, 1.0,   3.0,  30.0, 30.0};
 
-int64_t rl_whitened_doubles(int rows)
+void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory *memory)
 {
-    return (int64_t)rows * ((3 + RL_MAX_INTERFERERS) * RL_WALK_LANES + 1);
-}
-
-void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory)
-{
+    const int64_t a_column = rows * (int64_t)sizeof *whitened->signal;
     memset(whitened, 0, sizeof *whitened);
-    whitened->gain = (double (*)[RL_WALK_LANES])memory;
-    whitened->scale = whitened->gain + rows;
-    whitened->signal = whitened->scale + rows;
+    whitened->gain = rl_take(memory, a_column);
+    whitened->scale = rl_take(memory, a_column);
+    whitened->signal = rl_take(memory, a_column);
     for (int i = 0; i < RL_MAX_INTERFERERS; i++) {
-        whitened->interferer[i] = whitened->signal + (i + 1) * rows;
+        whitened->interferer[i] = rl_take(memory, a_column);
     }
-    whitened->row = (int *)(whitened->signal + (1 + RL_MAX_INTERFERERS) * rows);
+    whitened->row = rl_take(memory, rows * (int64_t)sizeof *whitened->row);
 }
 
 static double log_likelihood(const struct rl_whitened *whitened, int walk, double squares,
@@ -61,7 +57,8 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     whitened->explained = 0.0;
     memset(whitened->log_scales, 0, sizeof whitened->log_scales);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-        product[walk] = 1.0;
+        variance[walk] = product[walk] = 1.0;
+        level[walk] = 0.0;
     }
     for (int row = 0; row < rows; row++) {
         if (!valid[row]) {
@@ -78,8 +75,6 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
             /* The level is unknown, so the first sample only sets it. */
             first = value;
             for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-                variance[walk] = 1.0;
-                level[walk] = 0.0;
                 gain[walk] = scale[walk] = white[walk] = 0.0;
             }
             continue;

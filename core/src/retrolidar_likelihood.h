@@ -12,8 +12,9 @@
 #ifndef RETROLIDAR_LIKELIHOOD_H
 #define RETROLIDAR_LIKELIHOOD_H
 
+#include "retrolidar_memory.h"
+
 #include <stdbool.h>
-#include <stdint.h>
 
 enum {
     RL_MAX_INTERFERERS = 6, /* columns of other packets, fitted along with any template */
@@ -46,9 +47,8 @@ struct rl_gain {
     int walk;              /* which q that is */
 };
 
-/* Memory that a window of so many rows takes, in doubles. */
-int64_t rl_whitened_doubles(int rows);
-void rl_whitened_start(struct rl_whitened *whitened, int rows, double *memory);
+/* Take the arrays of a window of so many rows at the most. */
+void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory *memory);
 
 /* Whiten a window.
  *

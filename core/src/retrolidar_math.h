@@ -1,9 +1,11 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What <math.h> lacks. */
+/* What the C library lacks. */
 #ifndef RETROLIDAR_MATH_H
 #define RETROLIDAR_MATH_H
+
+#include <string.h>
 
 /* Minimum and maximum that compile to an instruction; unlike with fmin and fmax, a NaN may come
  * through.
@@ -16,6 +18,36 @@ static inline float rl_minf(float a, float b)
 static inline float rl_maxf(float a, float b)
 {
     return a > b ? a : b;
+}
+
+/* The mean of some values, 0 of none. */
+static inline double rl_mean(const float *values, int count)
+{
+    double sum = 0.0;
+    for (int i = 0; i < count; i++) {
+        sum += (double)values[i];
+    }
+    return count > 0 ? sum / count : 0.0;
+}
+
+/* Keep an item if it is among the best, by the float that it begins with; of equal ones the first
+ * are. The best is the first.
+ */
+static inline void rl_keep_best(void *kept, int *count, int max_count, const void *item,
+                                size_t size)
+{
+    char *items = kept;
+    int at = *count;
+    while (at > 0 && *(const float *)(const void *)(items + (size_t)(at - 1) * size) <
+                         *(const float *)item) {
+        at--;
+    }
+    if (at < max_count) {
+        char *place = items + (size_t)at * size;
+        *count += *count < max_count;
+        memmove(place + size, place, (size_t)(*count - 1 - at) * size);
+        memcpy(place, item, size);
+    }
 }
 
 /* The value of a rank among some, which it moves: none before it is greater, none after it less. */

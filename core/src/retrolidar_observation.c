@@ -3,62 +3,76 @@
  */
 #include "retrolidar_observation.h"
 
-#include "retrolidar_constants.h"
-#include "retrolidar_refine.h"
-
 #include <math.h>
 
-double rl_observation_half_bits(const struct rl_transmission *transmission, int packets,
-                                double to_s)
+/* Bits from the start of what is sent to the middle of the window that it was found in. */
+static double half_bits_of(const struct rl_case *judged)
 {
-    return transmission->repeats ? (to_s - transmission->start_s) / transmission->bit_s -
-                                       RL_PACKET_BITS * packets / 2.0
-                                 : RL_PACKET_BITS / 2.0;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
+    return transmission->repeats
+               ? (judged->to_s - transmission->start_s) / transmission->bit_s -
+                     RL_PACKET_BITS * judged->verdict.packets / 2.0
+               : RL_PACKET_BITS / 2.0;
 }
 
 /* Open the window of a lone packet and of the silence before it; return its evidence. */
-static double open_lone(struct rl_window *window, int channel, struct rl_transmission *transmission,
-                        double silence_s)
+static double open_lone(struct rl_case *judged, struct rl_transmission *lone, double silence_s)
 {
-    rl_window_open(window, channel, transmission->start_s - silence_s,
-                   transmission->start_s + RL_PACKET_BITS * transmission->bit_s);
-    return rl_window_refine(window, transmission, RL_PACKET_BITS / 2.0) - window->whitened.null;
+    struct rl_window *window = judged->window;
+    rl_window_open(window, judged->verdict.channel, lone->start_s - silence_s,
+                   lone->start_s + RL_PACKET_BITS * lone->bit_s);
+    return rl_window_refine(window, lone, RL_PACKET_BITS / 2.0) - window->whitened.null;
 }
 
-double rl_observation_open(struct rl_window *window, int channel,
-                           struct rl_transmission *transmission, int packets,
-                           double consumed_until_s, double since_s, double to_s, int *silent_bits)
+/* The same with the silence before it, or without, whichever is better. */
+static double open_best(struct rl_case *judged, struct rl_transmission *lone)
 {
-    *silent_bits = 0;
-    if (transmission->repeats) {
-        rl_window_open(window, channel,
-                       fmax(to_s - RL_PACKET_BITS * packets * transmission->bit_s, since_s), to_s);
-        return rl_window_refine(window, transmission,
-                                rl_observation_half_bits(transmission, packets, to_s)) -
-               window->whitened.null;
-    }
-    const double tight = open_lone(window, channel, transmission, 0.0);
+    const double tight = open_lone(judged, lone, 0.0);
     const double silence_s =
-        fmin(RL_SILENT_BITS * transmission->bit_s, transmission->start_s - consumed_until_s);
-    if (silence_s < transmission->bit_s) {
+        fmin(RL_SILENT_BITS * lone->bit_s, lone->start_s - judged->consumed_until_s);
+    if (silence_s < lone->bit_s) {
         return tight;
     }
-    struct rl_transmission lone = *transmission;
-    const double wide = open_lone(window, channel, &lone, silence_s);
+    struct rl_transmission other = *lone;
+    const double wide = open_lone(judged, &other, silence_s);
     if (wide > tight) {
-        *transmission = lone;
-        *silent_bits = (int)floor(silence_s / lone.bit_s);
+        *lone = other;
+        judged->silent_bits = (int)floor(silence_s / other.bit_s);
         return wide;
     }
-    return open_lone(window, channel, transmission, 0.0);
+    return open_lone(judged, lone, 0.0);
 }
 
-bool rl_observation_is_erased(const struct rl_window *window,
-                              const struct rl_transmission *transmission)
+void rl_observation_open(struct rl_case *judged)
 {
+    struct rl_window *window = judged->window;
+    struct rl_verdict *verdict = &judged->verdict;
+    struct rl_transmission *transmission = &verdict->transmission;
+    const int bits = RL_PACKET_BITS * verdict->packets;
+    judged->silent_bits = 0;
+    if (transmission->repeats) {
+        const double begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
+        rl_window_open(window, verdict->channel, begin_s, judged->to_s);
+        verdict->evidence = rl_window_refine(window, transmission, half_bits_of(judged)) -
+                            window->whitened.null;
+        verdict->begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
+        verdict->end_s = judged->to_s;
+    } else {
+        verdict->evidence = open_best(judged, transmission);
+        verdict->begin_s = transmission->start_s;
+        verdict->end_s = transmission->start_s + bits * transmission->bit_s;
+    }
+    judged->half_bits = half_bits_of(judged);
+    judged->own = verdict->evidence + window->whitened.null;
+    verdict->fit = window->fit;
+}
+
+bool rl_observation_is_erased(const struct rl_case *judged)
+{
+    const struct rl_window *window = judged->window;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
     const struct rl_whitened *whitened = &window->whitened;
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
-    const struct rl_samples *samples = window->samples;
     int sample = 0, erased = 0;
     if (whitened->samples < window->rows / 2) {
         return true;
@@ -66,13 +80,12 @@ bool rl_observation_is_erased(const struct rl_window *window,
     for (int row = 0; row < window->rows; row++) {
         const bool valid = sample < whitened->samples && whitened->row[sample] == row;
         sample += valid;
-        const double middle_s =
-            (samples->begin_s[window->first + row] + samples->end_s[window->first + row]) / 2;
+        const double middle_s = (window->begin_s[row] + window->end_s[row]) / 2;
         const double since = floor((middle_s - transmission->start_s) / transmission->bit_s);
         if (!transmission->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
             continue;
         }
-        const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
+        const int bit = rl_bit_of((int)since);
         all[bit] += 1.0;
         known[bit] += valid;
     }

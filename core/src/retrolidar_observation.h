@@ -5,29 +5,14 @@
 #ifndef RETROLIDAR_OBSERVATION_H
 #define RETROLIDAR_OBSERVATION_H
 
-#include "retrolidar_constants.h"
-#include "retrolidar_window.h"
-
-/* Before a lone packet, which show its bright level. */
-enum { RL_SILENT_BITS = RL_PACKET_BITS };
-
-/* Bits from the start of what is sent to the middle of the window that it was found in. */
-double rl_observation_half_bits(const struct rl_transmission *transmission, int packets,
-                                double to_s);
+#include "retrolidar_decide.h"
 
 /* Open the window that a packet was found in, and refine it; for a lone packet that with the
- * silence before it, if it is the better one. Return its evidence.
- *
- * consumed_until_s: before that, samples are of what was read [s]
- * since_s: and before that they are left out [s]
- * silent_bits: set to how many the window has before the packet
+ * silence before it, if it is the better one. Find evidence, begin, end, fit and where they are.
  */
-double rl_observation_open(struct rl_window *window, int channel,
-                           struct rl_transmission *transmission, int packets,
-                           double consumed_until_s, double since_s, double to_s, int *silent_bits);
+void rl_observation_open(struct rl_case *judged);
 
 /* Whether too many samples are erasures to decide the word. */
-bool rl_observation_is_erased(const struct rl_window *window,
-                              const struct rl_transmission *transmission);
+bool rl_observation_is_erased(const struct rl_case *judged);
 
 #endif

@@ -32,6 +32,12 @@ static inline uint32_t rl_packet_bit(int bit)
     return (uint32_t)1 << (RL_PACKET_BITS - 1 - bit);
 }
 
+/* Which bit of a packet that repeats one is, counted from any of its packets. */
+static inline int rl_bit_of(int bit)
+{
+    return (bit % RL_PACKET_BITS + RL_PACKET_BITS) % RL_PACKET_BITS;
+}
+
 /* The bits of a packet from one of them on; those before it follow the last. */
 static inline uint32_t rl_rotate_bits(uint32_t bits, int first)
 {

@@ -4,7 +4,6 @@
 #include "retrolidar_placement.h"
 
 #include "retrolidar_detector_state.h"
-#include "retrolidar_zone_light.h"
 
 #include <math.h>
 
@@ -40,7 +39,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
         .end_s = samples->end_s + *first,
         .light = detector->window.light,
         .alone = detector->window.part,
-        .other = detector->window.seen,
+        .other = detector->other,
     };
     rl_template(&transmission, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
     return seen;
@@ -135,16 +134,10 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     }
     placement->zones = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
-        const double of = amplitude->of[zone];
-        const bool has_part = saw[zone] && of >= RL_MIN_PART * most;
-        if ((!has_part && zone != read) || placement->zones == RL_MAX_READ) {
-            continue;
+        const bool has_part = saw[zone] && amplitude->of[zone] >= RL_MIN_PART * most;
+        if ((has_part || zone == read) && placement->zones < RL_MAX_READ) {
+            rl_add_zone(placement->zone, &placement->zones, zone, amplitude->of);
         }
-        int at = placement->zones++;
-        for (; at > 0 && amplitude->of[placement->zone[at - 1]] < of; at--) {
-            placement->zone[at] = placement->zone[at - 1];
-        }
-        placement->zone[at] = zone;
     }
 }
 
@@ -216,7 +209,7 @@ static int32_t corrected_bits(const struct rl_seen *seen, const struct rl_readin
         const double since = floor((middle_s - reading->start_s) / reading->bit_s);
         if (seen->valid[row] && since > newest - RL_PACKET_BITS) {
             newest = fmax(newest, since);
-            const int bit = (int)(since - RL_PACKET_BITS * floor(since / RL_PACKET_BITS));
+            const int bit = rl_bit_of((int)since);
             sum[bit] += (double)seen->signal[row];
             count[bit] += 1.0;
         }

@@ -21,13 +21,10 @@ uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
 
 static uint64_t around(const struct rl_samples *samples, int zone)
 {
-    const int columns = samples->columns_of_zones;
     uint64_t zones = 0;
     for (int other = 0; other < samples->zones; other++) {
-        const int down = other / columns - zone / columns, right = other % columns - zone % columns;
-        if (down >= -1 && down <= 1 && right >= -1 && right <= 1) {
-            zones |= (uint64_t)1 << other;
-        }
+        const bool is_beside = rl_zone_beside(zone, other, samples->columns_of_zones);
+        zones |= (uint64_t)is_beside << other;
     }
     return zones;
 }
@@ -45,7 +42,7 @@ static bool continues(const struct rl_packet_train *before, const struct rl_pack
 }
 
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
-                 const struct rl_packet_train *train, const int *zones, int count)
+                 const struct rl_packet_train *train, const int32_t *zones, int count)
 {
     struct rl_active_track *track = NULL;
     struct rl_packet_train whole = *train;

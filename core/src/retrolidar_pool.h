@@ -25,7 +25,7 @@ struct rl_pool {
 /* Add a packet, or several that repeat; one that goes on from an active track becomes part of it.
  */
 void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
-                 const struct rl_packet_train *train, const int *zones, int count);
+                 const struct rl_packet_train *train, const int32_t *zones, int count);
 
 /* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
  * if there is none from the index on, which it moves.

@@ -1,9 +1,9 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_process_frame.h"
-
-#include "retrolidar_judge.h"
+/* What is searched when: after each frame, the channels in which a packet may have ended or come.
+ */
+#include "retrolidar_detector_state.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>
@@ -11,10 +11,11 @@
 
 enum {
     FOLDS = 5,
-    /* Soft bits of packets that have ended that are held against all words with a frame, at the
-     * most; half as many besides of packets that repeat.
+    /* Soft bits that are held against all words with a frame, at the most: of packets that have
+     * ended, and besides of those that repeat.
      */
     WORDS_ENDED = 200,
+    WORDS_REPEATING = 100,
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
@@ -26,7 +27,7 @@ static void search(struct rl_detector *detector, const int *channels, int count,
         return;
     }
     rl_search_look(&detector->search, channels, count, packets, from_s, to_s, since_s,
-                   RL_MOST * detector->demands.evidence, detector->max_llr_deficit, hits);
+                   detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0) {
             detector->pending[detector->pendings++] =
@@ -175,7 +176,8 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
-    const double min_bits = rl_decide_min_bits(&detector->search.codebook, &detector->demands);
+    const double min_bits =
+        rl_decide_min_bits(&detector->search.codebook, &detector->settings.demands);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
@@ -213,7 +215,6 @@ void rl_process_frame(struct rl_detector *detector)
     const double to_s = samples->end_s[samples->count - 1];
     const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
-    const double max_skew = detector->demands.max_skew;
     int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = WORDS_ENDED;
@@ -221,14 +222,14 @@ void rl_process_frame(struct rl_detector *detector)
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
     note_active(detector, to_s);
-    const double packet_bits = RL_PACKET_BITS * (1.0 - max_skew) - RL_OVERLAP_BITS;
+    const double packet_bits = RL_PACKET_BITS * (1.0 - RL_MAX_SKEW) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
     }
     judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MAX_ZONES, channels);
     search(detector, channels, count, 0, from_s, to_s, -INFINITY);
-    detector->search.words_left += WORDS_ENDED / 2;
+    detector->search.words_left += WORDS_REPEATING;
     const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
     const bool is_new_slot = slot != detector->slot;
     detector->slot = slot;
@@ -238,7 +239,7 @@ void rl_process_frame(struct rl_detector *detector)
     search(detector, channels, count, 1, from_s, to_s, -INFINITY);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
-        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + max_skew) + 1.0;
+        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + RL_MAX_SKEW) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }

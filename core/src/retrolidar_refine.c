@@ -1,9 +1,9 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_refine.h"
-
+/* Start and bit period of a packet, found closely in a window. */
 #include "retrolidar_constants.h"
+#include "retrolidar_window.h"
 
 #include <math.h>
 

@@ -5,32 +5,20 @@
 
 #include "retrolidar_constants.h"
 #include "retrolidar_gain_profile.h"
+#include "retrolidar_math.h"
 #include "retrolidar_noise.h"
 
 #include <string.h>
 
-int64_t rl_residual_bytes(int channels, int rows)
+void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
+                       struct rl_memory *memory)
 {
-    return rows * (int64_t)(2 * sizeof(double) + (size_t)channels * sizeof(float)) +
-           rl_room_bytes(rows);
-}
-
-void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
-                       void *memory)
-{
+    const int64_t rows = samples->kept;
     residual->samples = samples;
-    residual->light = memory;
-    residual->part = residual->light + rows;
-    residual->saved = rl_room_start(&residual->room, rows, residual->part + rows);
-}
-
-static double mean_of(const float *signal, int rows)
-{
-    double sum = 0.0;
-    for (int row = 0; row < rows; row++) {
-        sum += (double)signal[row];
-    }
-    return rows > 0 ? sum / rows : 0.0;
+    residual->light = rl_take(memory, rows * (int64_t)sizeof *residual->light);
+    residual->part = rl_take(memory, rows * (int64_t)sizeof *residual->part);
+    residual->saved = rl_take(memory, samples->channels * rows * (int64_t)sizeof *residual->saved);
+    rl_room_start(&residual->room, samples->kept, memory);
 }
 
 /* Subtract one marker, as far as it was read, or as if it went on. */
@@ -67,7 +55,7 @@ static double variation(const struct rl_residual *residual, int channel)
     const int rows = samples->count - residual->first;
     const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
     const float *rest = samples->signal + rl_sample(samples, channel, samples->count - newest);
-    const double mean = mean_of(rest, newest);
+    const double mean = rl_mean(rest, newest);
     double squares = 0.0;
     for (int row = 0; row < newest; row++) {
         squares += ((double)rest[row] - mean) * ((double)rest[row] - mean);

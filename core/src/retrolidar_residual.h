@@ -17,9 +17,8 @@ struct rl_residual {
     int first;    /* row from which they were saved */
 };
 
-int64_t rl_residual_bytes(int channels, int rows);
-void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples, int rows,
-                       void *memory);
+void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
+                       struct rl_memory *memory);
 
 /* Subtract transmissions from the samples of a zone since a time. Return how the rest varies over
  * the newest rows, a packet's length of them, in the variance of noise.

@@ -3,130 +3,124 @@
  */
 #include "retrolidar_rivals.h"
 
-#include "retrolidar_refine.h"
+#include "retrolidar_bits.h"
+#include "retrolidar_math.h"
 
 #include <math.h>
-#include <stddef.h>
 
 struct rival {
     float nats; /* about, less those of the packet in question */
     struct rl_transmission transmission;
 };
 
-static void keep_rival(struct rival *rivals, struct rival kept)
-{
-    for (int i = 0; i < RL_TRIED; i++) {
-        if (kept.nats > rivals[i].nats) {
-            const struct rival worse = rivals[i];
-            rivals[i] = kept;
-            kept = worse;
-        }
-    }
-}
+struct rivals {
+    int count;
+    struct rival best[RL_TRIED];
+};
 
 /* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the
  * window, by the sum over the bits that it turns.
  */
-static void find_rival(const struct rl_codebook *codebook, const struct rl_bits *bits,
-                       const struct rl_transmission *transmission, uint16_t id, int begin,
-                       bool repeats, struct rival *rivals)
+static void find_rival(const struct rl_case *judged, int begin, bool repeats,
+                       struct rivals *rivals)
 {
+    const struct rl_bits *bits = &judged->bits;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
     float weight[RL_PACKET_BITS];
     const float all = rl_bits_weigh(bits, begin, repeats, weight);
     const float most = all + rl_bits_max(weight);
-    if (most < -(float)RL_MAX_MARGIN || most <= rivals[RL_TRIED - 1].nats) {
+    const bool is_full = rivals->count == RL_TRIED;
+    if (most < -(float)RL_MAX_MARGIN || (is_full && most <= rivals->best[RL_TRIED - 1].nats)) {
         return;
     }
-    const int word = rl_codebook_heaviest(codebook, weight, id);
+    const int word = rl_codebook_heaviest(judged->codebook, weight, judged->verdict.id);
     if (word < 0) {
         return;
     }
-    const float nats = all + rl_bits_sum(codebook->packet[word], weight);
+    const uint32_t packet = judged->codebook->packet[word];
     const bool in_its_place = !repeats && begin == 0;
     const struct rl_transmission other = {
-        .bits = codebook->packet[word],
+        .bits = packet,
         .repeats = repeats,
         .start_s = bits->begin_s + begin * transmission->bit_s,
         .bit_s = transmission->bit_s,
         .dark_before = in_its_place && transmission->dark_before,
         .dark_after = in_its_place && transmission->dark_after,
     };
-    keep_rival(rivals, (struct rival){nats, other});
+    const struct rival rival = {all + rl_bits_sum(packet, weight), other};
+    if (rival.nats > -(float)RL_MAX_MARGIN) {
+        rl_keep_best(rivals->best, &rivals->count, RL_TRIED, &rival, sizeof rival);
+    }
 }
 
 /* Find packets that are seen in a window, lone if it is one packet long, or repeating. */
-static void find_rivals(const struct rl_codebook *codebook, const struct rl_bits *bits,
-                        const struct rl_transmission *transmission, int packets, uint16_t id,
-                        struct rival rivals[RL_TRIED])
+static struct rivals find_rivals(const struct rl_case *judged)
 {
-    for (int i = 0; i < RL_TRIED; i++) {
-        rivals[i].nats = -INFINITY;
-    }
-    for (int begin = 1 - RL_PACKET_BITS; begin < bits->count; begin++) {
-        if (packets == 1) {
-            find_rival(codebook, bits, transmission, id, begin, false, rivals);
+    struct rivals rivals = {.count = 0};
+    for (int begin = 1 - RL_PACKET_BITS; begin < judged->bits.count; begin++) {
+        if (judged->verdict.packets == 1) {
+            find_rival(judged, begin, false, &rivals);
         }
-        if (transmission->repeats && begin >= 0) {
-            find_rival(codebook, bits, transmission, id, begin, true, rivals);
+        if (judged->verdict.transmission.repeats && begin >= 0) {
+            find_rival(judged, begin, true, &rivals);
         }
     }
+    return rivals;
 }
 
-double rl_rivals_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                        const struct rl_bits *bits, const struct rl_transmission *transmission,
-                        int packets, double own, double half_bits, uint16_t id,
-                        const struct rl_hits *hits)
+/* The greater one of a likelihood and that of a packet, refined if it is near. */
+static double nearer_of(const struct rl_case *judged, struct rl_transmission other, double nearest)
 {
-    struct rival rivals[RL_TRIED];
-    find_rivals(codebook, bits, transmission, packets, id, rivals);
-    double nearest = own - RL_MAX_MARGIN;
-    for (int i = 0; i < RL_TRIED + hits->count; i++) {
-        const struct rl_hit *hit = i < RL_TRIED ? NULL : &hits->hit[i - RL_TRIED];
-        if (hit == NULL ? !(rivals[i].nats > -RL_MAX_MARGIN) : hit->id == id) {
-            continue;
-        }
-        struct rl_transmission other = hit == NULL ? rivals[i].transmission : hit->transmission;
-        double likelihood = rl_window_try(window, &other);
-        if (likelihood > nearest - RL_MAX_MARGIN / 2) {
-            likelihood = rl_window_refine(window, &other, half_bits);
-        }
-        nearest = fmax(nearest, likelihood);
+    double likelihood = rl_window_try(judged->window, &other);
+    if (likelihood > nearest - RL_MAX_MARGIN / 2) {
+        likelihood = rl_window_refine(judged->window, &other, judged->half_bits);
     }
-    return own - nearest;
+    return fmax(nearest, likelihood);
+}
+
+double rl_rivals_margin(const struct rl_case *judged)
+{
+    const struct rivals rivals = find_rivals(judged);
+    const struct rl_hits *hits = judged->hits;
+    double nearest = judged->own - RL_MAX_MARGIN;
+    for (int i = 0; i < rivals.count; i++) {
+        nearest = nearer_of(judged, rivals.best[i].transmission, nearest);
+    }
+    for (int i = 0; i < hits->count; i++) {
+        if (hits->hit[i].id != judged->verdict.id) {
+            nearest = nearer_of(judged, hits->hit[i].transmission, nearest);
+        }
+    }
+    return judged->own - nearest;
 }
 
 /* The same where markers are seen in a part of the window only: before a row, or from it on. */
-static double margin_of_part(struct rl_window *window, const struct rl_codebook *codebook,
-                             const struct rl_bits *bits, const struct rl_transmission *transmission,
-                             double own, uint16_t id, int split, bool later)
+static double margin_of_part(const struct rl_case *judged, int split, bool later)
 {
-    const double part = rl_window_try_part(window, transmission, split, later);
-    if (part < own - RL_MAX_MARGIN) {
+    struct rl_window *window = judged->window;
+    struct rl_case part = *judged;
+    part.own = rl_window_try_part(window, &judged->verdict.transmission, split, later);
+    if (part.own < judged->own - RL_MAX_MARGIN) {
         return RL_MAX_MARGIN;
     }
-    struct rl_bits seen = *bits;
-    rl_bits_flip(&seen, window, transmission, part, split, later);
-    struct rival rivals[RL_TRIED];
-    find_rivals(codebook, &seen, transmission, 1, id, rivals);
-    double nearest = own - RL_MAX_MARGIN;
-    for (int i = 0; i < RL_TRIED && rivals[i].nats > -(float)RL_MAX_MARGIN; i++) {
-        nearest = fmax(nearest,
-                       rl_window_try_part(window, &rivals[i].transmission, split, later));
+    rl_bits_flip(&part, split, later);
+    const struct rivals rivals = find_rivals(&part);
+    double nearest = judged->own - RL_MAX_MARGIN;
+    for (int i = 0; i < rivals.count; i++) {
+        const struct rl_transmission *other = &rivals.best[i].transmission;
+        nearest = fmax(nearest, rl_window_try_part(window, other, split, later));
     }
-    return own - nearest;
+    return judged->own - nearest;
 }
 
-double rl_rivals_part_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                             const struct rl_bits *bits, const struct rl_transmission *transmission,
-                             double own, uint16_t id)
+double rl_rivals_part_margin(const struct rl_case *judged)
 {
-    const int parts = RL_PARTS * (bits->count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
+    const int parts = RL_PARTS * (judged->bits.count + RL_PACKET_BITS / 2) / RL_PACKET_BITS;
     double margin = RL_MAX_MARGIN;
     for (int later = 0; later < 2; later++) {
         for (int part = 1; part < parts; part++) {
-            margin = fmin(margin, RL_COST_OF_CHANCE +
-                                      margin_of_part(window, codebook, bits, transmission, own, id,
-                                                     part * window->rows / parts, later));
+            const int split = part * judged->window->rows / parts;
+            margin = fmin(margin, RL_COST_OF_CHANCE + margin_of_part(judged, split, later));
         }
     }
     return margin;

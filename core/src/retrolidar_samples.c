@@ -12,7 +12,8 @@
 
 static const double MIN_EXPOSURE_S = 1e-6;
 
-static int channels_of(int rows, int columns, struct rl_channel *channel)
+/* List the zones, and the squares of them; return how many there are. */
+static int list_channels(int rows, int columns, struct rl_channel *channel)
 {
     int count = 0;
     for (int side = 1; side <= RL_MAX_SIDE; side++) {
@@ -28,39 +29,27 @@ static int channels_of(int rows, int columns, struct rl_channel *channel)
     return count;
 }
 
-int64_t rl_samples_bytes(int rows, int columns, int kept)
-{
-    const int64_t zones = (int64_t)rows * columns;
-    const int64_t channels = rl_channels(rows, columns);
-    const int64_t a_row = 3 * (int64_t)sizeof(double) + channels * (int64_t)(sizeof(float) + 1) +
-                          zones * (int64_t)sizeof(float);
-    return 2 * channels * (int64_t)sizeof(double) + 4 * (int64_t)kept * a_row;
-}
-
 void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
-                      void *memory, double bit_s)
+                      double bit_s, struct rl_memory *memory)
 {
-    const int rows = sensor->rows, columns = sensor->columns;
     memset(samples, 0, sizeof *samples);
     samples->sensor = *sensor;
-    samples->rows_of_zones = rows;
-    samples->columns_of_zones = columns;
-    samples->zones = rows * columns;
-    samples->channels = channels_of(rows, columns, samples->channel);
+    samples->rows_of_zones = sensor->rows;
+    samples->columns_of_zones = sensor->columns;
+    samples->zones = sensor->rows * sensor->columns;
+    samples->channels = list_channels(sensor->rows, sensor->columns, samples->channel);
     samples->kept = kept;
     samples->capacity = 4 * kept;
-    samples->usual_period_s = bit_s / 2;
-    samples->dark_s = RL_MAX_DARK_BITS * bit_s;
-    double *wide = memory;
-    samples->sum = wide;
-    samples->square = samples->sum + samples->channels;
-    samples->begin_s = samples->square + samples->channels;
-    samples->end_s = samples->begin_s + samples->capacity;
-    samples->stamp_ns = (int64_t *)(samples->end_s + samples->capacity);
-    samples->signal = (float *)(samples->stamp_ns + samples->capacity);
-    samples->distance = samples->signal + rl_sample(samples, samples->channels, 0);
-    samples->valid = (uint8_t *)(samples->distance + rl_sample(samples, samples->zones, 0));
-    rl_samples_clear(samples, 0);
+    samples->bit_s = bit_s;
+    const int64_t rows = samples->capacity, channels = samples->channels;
+    samples->sum = rl_take(memory, channels * (int64_t)sizeof *samples->sum);
+    samples->square = rl_take(memory, channels * (int64_t)sizeof *samples->square);
+    samples->begin_s = rl_take(memory, rows * (int64_t)sizeof *samples->begin_s);
+    samples->end_s = rl_take(memory, rows * (int64_t)sizeof *samples->end_s);
+    samples->stamp_ns = rl_take(memory, rows * (int64_t)sizeof *samples->stamp_ns);
+    samples->signal = rl_take(memory, channels * rows * (int64_t)sizeof *samples->signal);
+    samples->distance = rl_take(memory, samples->zones * rows * (int64_t)sizeof *samples->distance);
+    samples->valid = rl_take(memory, channels * rows);
 }
 
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)
@@ -69,7 +58,7 @@ void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)
     samples->count = 0;
     samples->variance_rows = 0;
     samples->steps = 0;
-    samples->period_s = samples->usual_period_s;
+    samples->period_s = samples->bit_s / 2;
     samples->ambient = 0.0;
     for (int channel = 0; channel < samples->channels; channel++) {
         samples->sum[channel] = samples->square[channel] = 0.0;
@@ -99,6 +88,12 @@ static void make_room(struct rl_samples *samples)
     samples->count = samples->kept;
 }
 
+/* Whether a zone that sees nothing was seen so lately that a packet may be dark since. */
+static bool may_be_dark(const struct rl_samples *samples, int zone, double time_s)
+{
+    return time_s - samples->last_seen_s[zone] < RL_MAX_DARK_BITS * samples->bit_s;
+}
+
 static void sum_zones(struct rl_samples *samples, int row)
 {
     float signal[RL_MAX_ZONES];
@@ -107,7 +102,7 @@ static void sum_zones(struct rl_samples *samples, int row)
         signal[zone] = samples->signal[rl_sample(samples, zone, row)];
         /* A zone that sees nothing for long is dark, and no reason to believe less. */
         erased[zone] = !samples->valid[rl_sample(samples, zone, row)] &&
-                       samples->end_s[row] - samples->last_seen_s[zone] < samples->dark_s;
+                       may_be_dark(samples, zone, samples->end_s[row]);
     }
     for (int channel = samples->zones; channel < samples->channels; channel++) {
         const struct rl_channel *sum = &samples->channel[channel];
@@ -173,8 +168,7 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
         }
         /* A marker that blocks the light leaves nothing to see. */
         const bool nothing = meaning == RL_NOTHING || (meaning == RL_FAINT && !(s >= low_signal));
-        const bool dark = nothing && time_s - samples->last_seen_s[zone] < samples->dark_s;
-        *valid = dark;
+        *valid = nothing && may_be_dark(samples, zone, time_s);
         *signal = nothing ? 0.0f : samples->last_signal[zone];
     }
     sum_zones(samples, row);
@@ -244,8 +238,7 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     const int row = place_row(samples, time_s, stamp_ns);
     fill_row(samples, row, time_s, signal, distance, status);
     follow_ambient(samples, ambient);
-    const int packet =
-        (int)(RL_PACKET_BITS * samples->dark_s / RL_MAX_DARK_BITS / samples->period_s + 0.5);
+    const int packet = (int)(RL_PACKET_BITS * samples->bit_s / samples->period_s + 0.5);
     rl_noise_follow(samples, packet < samples->kept ? packet : samples->kept, full);
     return rows;
 }

@@ -5,11 +5,13 @@
 #ifndef RETROLIDAR_SAMPLES_H
 #define RETROLIDAR_SAMPLES_H
 
+#include "retrolidar_memory.h"
 #include "retrolidar_sensor.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 enum {
     RL_MAX_SIDE = 4,       /* of a square of zones that are summed, as wide as the view of 4x4 */
@@ -39,8 +41,8 @@ struct rl_samples {
     int capacity;            /* rows that there is memory for */
     int count;               /* rows that are held */
     int64_t origin_ns;       /* from which times count */
-    double period_s;         /* of the frames, as measured ... */
-    double usual_period_s;   /* ... and as expected until then */
+    double bit_s;            /* as expected [s] */
+    double period_s;         /* of the frames, as measured; half a bit until then [s] */
     int64_t *stamp_ns;       /* of each frame; RL_NO_FRAME = none came */
     double *begin_s, *end_s; /* of each exposure [s] */
     float *signal;           /* [kcps/SPAD]; of an erasure, the last one before it */
@@ -53,7 +55,6 @@ struct rl_samples {
     double *sum, *square;
     double ambient;      /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
-    double dark_s;       /* no packet is dark for longer at a stretch */
     double last_seen_s[RL_MAX_ZONES];
     float last_signal[RL_MAX_ZONES];
     double step_s[15]; /* the newest times from frame to frame */
@@ -66,22 +67,27 @@ static inline size_t rl_sample(const struct rl_samples *samples, int channel, in
     return (size_t)channel * (size_t)samples->capacity + (size_t)row;
 }
 
-/* Channels of a sensor. */
-static inline int rl_channels(int rows, int columns)
+/* Whether a zone is the same as another one or beside it. */
+static inline bool rl_zone_beside(int zone, int other, int columns)
 {
-    int count = 0;
-    for (int side = 1; side <= RL_MAX_SIDE && side <= rows && side <= columns; side++) {
-        count += (rows - side + 1) * (columns - side + 1);
-    }
-    return count;
+    return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
-/* How much memory the arrays take, and where they begin in it, all zeros at first. */
-int64_t rl_samples_bytes(int rows, int columns, int kept);
-void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
-                      void *memory, double bit_s);
+/* Add a zone to some that are sorted by their strength, the strongest first. */
+static inline void rl_add_zone(int32_t *zones, int32_t *count, int zone, const double *strength)
+{
+    int32_t at = (*count)++;
+    for (; at > 0 && strength[zones[at - 1]] < strength[zone]; at--) {
+        zones[at] = zones[at - 1];
+    }
+    zones[at] = zone;
+}
 
-/* Forget all; times count from this stamp now. */
+/* Take the arrays. */
+void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
+                      double bit_s, struct rl_memory *memory);
+
+/* Begin, or forget all: times count from this stamp now. */
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);
 
 /* Append a frame that is later than all before; return how many rows it has made. */

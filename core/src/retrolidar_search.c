@@ -19,26 +19,23 @@ static const double STRONG_SHARE = 1.3;
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 
+/* A stretch of a lane. */
+struct stretch {
+    float share; /* by how much its bits stand out */
+    struct rl_trial trial;
+    struct rl_soft_summary summary;
+};
+
 /* The stretches of a lane whose bits stand out most, by any sequence of bits. */
 struct kept {
     int count;
-    float share[RL_TRIED];
-    struct rl_trial trial[RL_TRIED];
-    struct rl_soft_summary summary[RL_TRIED];
+    struct stretch stretch[RL_TRIED];
 };
 
-int64_t rl_search_bytes(int channels, int rows)
-{
-    return rl_view_bytes(channels, rows);
-}
-
-void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
-                     double max_skew, void *memory)
+void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
+                     struct rl_memory *memory)
 {
     search->samples = samples;
-    search->bit_s = bit_s;
-    search->max_skew = max_skew;
-    search->frames_a_bit = 0.0;
     for (int which = 0; which < WALK_COUNT; which++) {
         search->whitening[which].walk = WALKS[which];
     }
@@ -51,7 +48,7 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
 static void plan(struct rl_search *search)
 {
     enum { FINE = 16 };
-    const double frames = search->bit_s / search->samples->period_s;
+    const double frames = search->samples->bit_s / search->samples->period_s;
     if (fabs(frames - search->frames_a_bit) < 0.02 * frames) {
         return;
     }
@@ -79,36 +76,15 @@ static void plan(struct rl_search *search)
     }
 }
 
-static void keep_trial(struct kept *kept, const struct rl_trial *trial,
-                       const struct rl_soft_summary *summary, float share)
-{
-    int at = kept->count;
-    while (at > 0 && kept->share[at - 1] < share) {
-        at--;
-    }
-    if (at == RL_TRIED) {
-        return;
-    }
-    kept->count += kept->count < RL_TRIED;
-    for (int i = kept->count - 1; i > at; i--) {
-        kept->share[i] = kept->share[i - 1];
-        kept->trial[i] = kept->trial[i - 1];
-        kept->summary[i] = kept->summary[i - 1];
-    }
-    kept->share[at] = share;
-    kept->trial[at] = *trial;
-    kept->summary[at] = *summary;
-}
-
 /* Try packets that end at one time, at all clocks, in all lanes or in those that are promising. */
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
-    const int clocks = (int)(search->max_skew * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
+    const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
-        trial.bit_s = search->bit_s * (1.0 + clock * search->max_skew / clocks);
+        trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
         if (all) {
             rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
@@ -120,9 +96,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
                 rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
             } else if (!all && search->shortlist[lane].words > 0) {
                 rl_view_integrate_lane(&search->view, &trial, lane, &one);
-                if (rl_shortlist_is_possible(demand, &trial, &one.summary)) {
-                    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
-                }
+                rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
             }
         }
     }
@@ -131,7 +105,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
 static void look_at_ended(struct rl_search *search, int count, double from_s, double to_s,
                           const struct rl_demand *demand)
 {
-    const double eighth_s = search->bit_s / EIGHTHS;
+    const double eighth_s = search->samples->bit_s / EIGHTHS;
     const double newest = floor(to_s / eighth_s);
     int back = 0;
     for (; (newest - back) * eighth_s > from_s; back++) {
@@ -150,88 +124,83 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     }
 }
 
-/* By how much the bits of a trial stand out, of which that is the sum of squares. */
-static float stand_out(const struct rl_trial *trial, const struct rl_soft_summary *summary,
-                       float squares)
+static struct stretch stretch_of(const struct rl_trial *trial,
+                                 const struct rl_soft_summary *summary)
 {
-    return squares / (trial->own * (float)trial->packets * summary->power);
+    const float expected = trial->own * (float)trial->packets * summary->power;
+    return (struct stretch){summary->squares / expected, *trial, *summary};
 }
 
-static void look_closely(struct rl_search *search, int lane, const struct kept *kept, double skew,
-                         double half_bits, const struct rl_demand *demand)
+static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
+                         double skew, double half_bits, const struct rl_demand *demand)
 {
-    for (int i = 0; i < kept->count; i++) {
-        if (rl_llr_upper_bound(demand, &kept->trial[i], &kept->summary[i]) <
-            (float)RL_MOST * demand->least) {
-            continue;
-        }
-        /* Between those that were tried there may be a better one. */
-        struct rl_trial best = kept->trial[i];
-        struct rl_lane best_lane = {.summary = kept->summary[i]};
-        float most = -1.0f;
-        for (int near = 0; near < 9; near++) {
-            const double longer_s = (near % 3 - 1) * skew / 2 * search->bit_s;
-            struct rl_trial trial = kept->trial[i];
-            struct rl_lane one;
-            trial.bit_s += longer_s;
-            trial.end_s += (near / 3 - 1) * search->bit_s / EIGHTHS + half_bits * longer_s;
-            rl_view_place_bit_edges(&search->view, &trial);
-            rl_view_integrate_lane(&search->view, &trial, lane, &one);
-            float squares = 0.0f;
-            for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-                squares += one.soft[bit] * one.soft[bit];
-            }
-            const float share = stand_out(&trial, &one.summary, squares);
-            if (share > most) {
-                most = share;
-                best = trial;
-                best_lane = one;
-            }
-        }
-        if (rl_shortlist_is_possible(demand, &best, &best_lane.summary)) {
-            rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
+    const double bit_s = search->samples->bit_s;
+    if (rl_llr_upper_bound(demand, &stretch->trial, &stretch->summary) <
+        (float)RL_MOST * demand->least) {
+        return;
+    }
+    /* Between those that were tried there may be a better one. */
+    struct rl_trial best = stretch->trial;
+    struct rl_lane best_lane = {.summary = stretch->summary};
+    float most = -1.0f;
+    for (int near = 0; near < 9; near++) {
+        const double longer_s = (near % 3 - 1) * skew / 2 * bit_s;
+        struct rl_trial trial = stretch->trial;
+        struct rl_lane one;
+        trial.bit_s += longer_s;
+        trial.end_s += (near / 3 - 1) * bit_s / EIGHTHS + half_bits * longer_s;
+        rl_view_place_bit_edges(&search->view, &trial);
+        rl_view_integrate_lane(&search->view, &trial, lane, &one);
+        const float share = stretch_of(&trial, &one.summary).share;
+        if (share > most) {
+            most = share;
+            best = trial;
+            best_lane = one;
         }
     }
+    rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
 }
 
 static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
                               const struct rl_demand *demand)
 {
     struct kept kept[RL_MAX_CHANNELS];
+    const double bit_s = search->samples->bit_s;
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
-    const int clocks = (int)(search->max_skew * half_bits / 2 * RL_PHASES + 0.999);
-    const double skew = search->max_skew / clocks;
+    const int clocks = (int)(RL_MAX_SKEW * half_bits / 2 * RL_PHASES + 0.999);
+    const double skew = RL_MAX_SKEW / clocks;
     /* All stretches have the same middle, or up to a bit before. */
-    const double middle_s = to_s - half_bits * search->bit_s * (1.0 + search->max_skew);
+    const double middle_s = to_s - half_bits * bit_s * (1.0 + RL_MAX_SKEW);
     for (int lane = 0; lane < count; lane++) {
         kept[lane].count = 0;
     }
     for (int clock = -clocks; clock <= clocks; clock++) {
         for (int quarter = 0; quarter < RL_PHASES; quarter++) {
-            struct rl_trial trial = {.packets = packets,
-                                     .bit_s = search->bit_s * (1.0 + clock * skew)};
-            trial.end_s = middle_s - quarter * search->bit_s / RL_PHASES + half_bits * trial.bit_s;
+            struct rl_trial trial = {.packets = packets, .bit_s = bit_s * (1.0 + clock * skew)};
+            trial.end_s = middle_s - quarter * bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_place_bit_edges(&search->view, &trial);
             rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
             for (int lane = 0; lane < count; lane++) {
-                const struct rl_soft_summary *summary = &search->sums.summary[lane];
-                keep_trial(&kept[lane], &trial, summary,
-                           stand_out(&trial, summary, search->sums.squares[lane]));
+                const struct stretch one = stretch_of(&trial, &search->sums.summary[lane]);
+                rl_keep_best(kept[lane].stretch, &kept[lane].count, RL_TRIED, &one, sizeof one);
             }
         }
     }
     for (int lane = 0; lane < count; lane++) {
-        look_closely(search, lane, &kept[lane], skew, half_bits, demand);
+        for (int i = 0; i < kept[lane].count; i++) {
+            look_closely(search, lane, &kept[lane].stretch[i], skew, half_bits, demand);
+        }
     }
 }
 
 void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double least,
-                    double max_llr_deficit, struct rl_hits *hits)
+                    double from_s, double to_s, double since_s, double max_llr_deficit,
+                    struct rl_hits *hits)
 {
     const double longest_bits =
-        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + search->max_skew);
+        RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + RL_MAX_SKEW);
     const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + RL_PACKET_BITS + 1.0;
+    const double first_s = (packets > 0 ? to_s : from_s) - bits * search->samples->bit_s;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
@@ -247,12 +216,10 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
         if (lanes == 0) {
             continue;
         }
-        const double threshold = strong ? STRONG_SHARE * least : least;
-        const struct rl_demand demand = {(float)threshold, (float)max_llr_deficit, packets > 0,
+        const double least = strong ? STRONG_SHARE * search->least : search->least;
+        const struct rl_demand demand = {(float)least, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
-        const double first_s = packets > 0 ? to_s : from_s;
-        rl_view_open(&search->view, chosen, lanes, fmax(first_s - bits * search->bit_s, since_s),
-                     to_s, whitening->walk);
+        rl_view_open(&search->view, chosen, lanes, fmax(first_s, since_s), to_s, whitening->walk);
         if (packets > 0) {
             look_at_stretches(search, lanes, packets, to_s, &demand);
         } else {

@@ -21,8 +21,7 @@ struct rl_search {
     struct rl_codebook codebook;
     struct rl_whitening whitening[3]; /* for faint and strong channels, and faint lone packets */
     double frames_a_bit;              /* that the whitening is for */
-    double bit_s;                     /* as expected [s] */
-    double max_skew;                  /* by how much a clock may be off */
+    double least;                     /* nats that a hit must have */
     struct rl_view view;
     struct rl_sums sums;
     struct rl_shortlist shortlist[RL_MAX_CHANNELS];
@@ -30,21 +29,18 @@ struct rl_search {
     bool dropped;   /* whether there were more */
 };
 
-/* How much memory a search takes besides, and begin with it. */
-int64_t rl_search_bytes(int channels, int rows);
-void rl_search_start(struct rl_search *search, const struct rl_samples *samples, double bit_s,
-                     double max_skew, void *memory);
+void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
+                     struct rl_memory *memory);
 
 /* Find packets in some channels.
  *
  * packets: 0 = a packet that ended within (from_s, to_s], otherwise any stretch of so many packets
  *     that repeat, which ends at to_s
  * since_s: earlier samples are left out: what is sought was not there
- * least: nats that a hit must have
  * max_llr_deficit: nats by which any sequence of bits may be better
  */
 void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double least,
-                    double max_llr_deficit, struct rl_hits *hits);
+                    double from_s, double to_s, double since_s, double max_llr_deficit,
+                    struct rl_hits *hits);
 
 #endif

@@ -1,7 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_successive.h"
+/* Packets of other IDs, one after the other, as rivals of one packet. */
+#include "retrolidar_rivals.h"
+
+#include "retrolidar_bits.h"
 
 #include <math.h>
 
@@ -27,16 +30,15 @@ static void bound(const struct rl_bits *bits, bool begins, struct cut_packet *cu
     }
 }
 
-static void find_word(const struct rl_codebook *codebook, const struct rl_bits *bits, int begin,
-                      uint16_t id, struct cut_packet *cut)
+static void find_word(const struct rl_case *judged, int begin, struct cut_packet *cut)
 {
     if (!cut->is_found) {
         float weight[RL_PACKET_BITS];
-        rl_bits_weigh(bits, begin, false, weight);
+        rl_bits_weigh(&judged->bits, begin, false, weight);
         cut->is_found = true;
-        cut->word = rl_codebook_heaviest(codebook, weight, id);
-        cut->nats =
-            cut->word < 0 ? -INFINITY : rl_bits_sum(codebook->packet[cut->word], weight);
+        cut->word = rl_codebook_heaviest(judged->codebook, weight, judged->verdict.id);
+        cut->nats = cut->word < 0 ? -INFINITY
+                                  : rl_bits_sum(judged->codebook->packet[cut->word], weight);
     }
 }
 
@@ -44,21 +46,22 @@ static void find_word(const struct rl_codebook *codebook, const struct rl_bits *
  * the shorter one might be any ID, which has its price. One ID back to back is a packet that
  * repeats, which is tried by itself.
  */
-static struct two_packets find_two(const struct rl_codebook *codebook, const struct rl_bits *bits,
-                                   uint16_t id, struct cut_packet *ended, struct cut_packet *begun)
+static struct two_packets find_two(const struct rl_case *judged, struct cut_packet *ended,
+                                   struct cut_packet *begun)
 {
+    const int count = judged->bits.count;
     float weight[RL_PACKET_BITS];
-    const float all = rl_bits_weigh(bits, bits->count, false, weight);
+    const float all = rl_bits_weigh(&judged->bits, count, false, weight);
     struct two_packets best = {.nats = -RL_MAX_MARGIN, .end = -1};
-    for (int end = 1; end < bits->count; end++) {
+    for (int end = 1; end < count; end++) {
         struct cut_packet *one = &ended[end], *other = &begun[end];
         if ((double)(all + one->nats + other->nats) > best.nats) {
-            find_word(codebook, bits, end - RL_PACKET_BITS, id, one);
+            find_word(judged, end - RL_PACKET_BITS, one);
         }
         if ((double)(all + one->nats + other->nats) > best.nats) {
-            find_word(codebook, bits, end, id, other);
+            find_word(judged, end, other);
         }
-        const int seen = end < bits->count - end ? end : bits->count - end;
+        const int seen = end < count - end ? end : count - end;
         const double price = log(2.0) * (seen < RL_ID_BITS ? seen : RL_ID_BITS);
         const double nats = (double)(all + one->nats + other->nats) - price;
         if (nats > best.nats) {
@@ -90,25 +93,24 @@ static double shift_two(struct rl_window *window, struct rl_transmission *one,
     return best;
 }
 
-double rl_successive_margin(struct rl_window *window, const struct rl_codebook *codebook,
-                            const struct rl_bits *bits, const struct rl_transmission *transmission,
-                            double own, uint16_t id)
+double rl_rivals_successive_margin(const struct rl_case *judged)
 {
     struct cut_packet ended[RL_MAX_BITS + 1], begun[RL_MAX_BITS + 1];
-    bound(bits, false, ended);
-    bound(bits, true, begun);
-    const struct two_packets two = find_two(codebook, bits, id, ended, begun);
+    bound(&judged->bits, false, ended);
+    bound(&judged->bits, true, begun);
+    const struct two_packets two = find_two(judged, ended, begun);
     if (two.end < 0) {
         return RL_MAX_MARGIN;
     }
     const int begin[2] = {two.end - RL_PACKET_BITS, two.end};
     const int word[2] = {ended[two.end].word, begun[two.end].word};
+    const double bit_s = judged->verdict.transmission.bit_s;
     struct rl_transmission packet[2];
     for (int i = 0; i < 2; i++) {
-        packet[i] = (struct rl_transmission){.bits = codebook->packet[word[i]],
-                                             .start_s =
-                                                 bits->begin_s + begin[i] * transmission->bit_s,
-                                             .bit_s = transmission->bit_s};
+        packet[i] = (struct rl_transmission){.bits = judged->codebook->packet[word[i]],
+                                             .start_s = judged->bits.begin_s + begin[i] * bit_s,
+                                             .bit_s = bit_s};
     }
-    return fmin(own + two.price - shift_two(window, &packet[0], &packet[1]), RL_MAX_MARGIN);
+    const double likelihood = shift_two(judged->window, &packet[0], &packet[1]);
+    return fmin(judged->own + two.price - likelihood, RL_MAX_MARGIN);
 }

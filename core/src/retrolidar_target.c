@@ -158,16 +158,10 @@ static struct rl_column part(const struct rl_sensor *sensor, const float *distan
     return changed;
 }
 
-int64_t rl_room_bytes(int rows)
+void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory)
 {
-    return rows * (int64_t)(sizeof(float)) + (rows + 7) / 8 * 8;
-}
-
-void *rl_room_start(struct rl_room *room, int rows, void *memory)
-{
-    room->signal = memory;
-    room->valid = (uint8_t *)(room->signal + rows);
-    return (char *)memory + rl_room_bytes(rows);
+    room->signal = rl_take(memory, rows * (int64_t)sizeof *room->signal);
+    room->valid = rl_take(memory, rows);
 }
 
 /* By how much distances differ, those that are measured. */

@@ -19,10 +19,7 @@ struct rl_room {
     uint8_t *valid;
 };
 
-int64_t rl_room_bytes(int rows);
-
-/* Begin with memory for `rows`; return the end of it. */
-void *rl_room_start(struct rl_room *room, int rows, void *memory);
+void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory);
 
 /* Find the column of a channel. Where a zone reports two targets by turns, the dimmer one is what
  * is seen while the marker is dark: however bright it is, the marker is dark. One that is nearer

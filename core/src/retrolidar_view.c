@@ -15,26 +15,21 @@ static int lanes_of(int channels)
     return (channels + RL_LANES - 1) / RL_LANES * RL_LANES;
 }
 
-int64_t rl_view_bytes(int channels, int rows)
+void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
+                   struct rl_memory *memory)
 {
-    return (int64_t)(rows + 1) * (4 * lanes_of(channels) + RL_LANES + 2) * (int64_t)sizeof(float) +
-           RL_LANES * rl_room_bytes(rows);
-}
-
-void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory)
-{
-    const size_t rows = (size_t)samples->kept + 1, lanes = (size_t)lanes_of(samples->channels);
+    const int64_t a_lane = (samples->kept + 1) * (int64_t)sizeof(float);
+    const int lanes = lanes_of(samples->channels);
     view->samples = samples;
-    view->light = memory;
-    view->total = view->light + rows * lanes;
-    view->power = view->total + rows * lanes;
-    view->valid = view->power + rows * lanes;
-    view->pivot = view->valid + rows * lanes;
-    view->begin = view->pivot + rows * RL_LANES;
-    view->rate = view->begin + rows;
-    void *next = view->rate + rows;
+    view->light = rl_take(memory, lanes * a_lane);
+    view->total = rl_take(memory, lanes * a_lane);
+    view->power = rl_take(memory, lanes * a_lane);
+    view->valid = rl_take(memory, lanes * a_lane);
+    view->pivot = rl_take(memory, RL_LANES * a_lane);
+    view->begin = rl_take(memory, a_lane);
+    view->rate = rl_take(memory, a_lane);
     for (int lane = 0; lane < RL_LANES; lane++) {
-        next = rl_room_start(&view->room[lane], samples->kept, next);
+        rl_room_start(&view->room[lane], samples->kept, memory);
     }
 }
 
@@ -181,7 +176,7 @@ static struct rl_soft_summary summary_of(const struct rl_view *view, const struc
     const size_t first = (size_t)from * lanes + (size_t)lane;
     const float samples = view->valid[last] - view->valid[first];
     const float power = (view->power[last] - view->power[first]) * samples / (float)(to - from);
-    return (struct rl_soft_summary){0, 0.0f, rl_maxf(power, 1e-6f), samples};
+    return (struct rl_soft_summary){.power = rl_maxf(power, 1e-6f), .samples = samples};
 }
 
 void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial,
@@ -210,7 +205,7 @@ void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_tria
             *one = summary_of(view, trial, (int)lane + i);
             one->dark = dark[i];
             one->any = any[i];
-            sums->squares[lane + (size_t)i] = squares[i];
+            one->squares = squares[i];
         }
     }
 }
@@ -233,6 +228,7 @@ void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *t
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         sums->summary.dark |= sums->soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
         sums->summary.any += rl_maxf(sums->soft[bit], 0.0f);
+        sums->summary.squares += sums->soft[bit] * sums->soft[bit];
     }
 }
 

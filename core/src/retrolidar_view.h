@@ -50,6 +50,7 @@ struct rl_trial {
 struct rl_soft_summary {
     uint32_t dark; /* those that are positive ... */
     float any;     /* ... and their sum */
+    float squares; /* of all, their sum */
     float power;   /* of the samples in the window */
     float samples; /* valid ones */
 };
@@ -57,7 +58,6 @@ struct rl_soft_summary {
 /* What a trial makes of all lanes. */
 struct rl_sums {
     float soft[RL_PACKET_BITS * RL_MAX_LANES]; /* light of each bit and lane, positive = dark */
-    float squares[RL_MAX_LANES];               /* of soft bits */
     struct rl_soft_summary summary[RL_MAX_LANES];
 };
 
@@ -67,8 +67,8 @@ struct rl_lane {
     struct rl_soft_summary summary;
 };
 
-int64_t rl_view_bytes(int channels, int rows);
-void rl_view_start(struct rl_view *view, const struct rl_samples *samples, void *memory);
+void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
+                   struct rl_memory *memory);
 
 /* Look at some channels from one time to another, whitened for steps of the level whose variance is
  * `walk` of that of the noise.

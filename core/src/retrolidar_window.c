@@ -5,6 +5,7 @@
 
 #include "retrolidar_constants.h"
 #include "retrolidar_gain_profile.h"
+#include "retrolidar_math.h"
 #include "retrolidar_noise.h"
 
 #include <math.h>
@@ -13,34 +14,24 @@
 /* Share of the sensor's noise that a fit may not fall short of. */
 static const double MIN_NOISE = 0.5;
 
-int64_t rl_window_bytes(int rows)
+void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
+                     struct rl_memory *memory)
 {
-    return (rl_whitened_doubles(rows) + 4 * (int64_t)rows) * (int64_t)sizeof(double) +
-           rl_room_bytes(rows);
-}
-
-void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
-                     void *memory)
-{
-    double *next = memory;
+    const int64_t a_column = samples->kept * (int64_t)sizeof(double);
     memset(window, 0, sizeof *window);
     window->samples = samples;
-    window->max_rows = rows;
-    rl_whitened_start(&window->whitened, rows, next);
-    next += rl_whitened_doubles(rows);
-    window->light = next;
-    window->part = next + rows;
-    window->seen = next + 2 * rows;
-    window->profile = next + 3 * rows;
-    rl_room_start(&window->room, rows, next + 4 * rows);
+    rl_whitened_start(&window->whitened, samples->kept, memory);
+    window->light = rl_take(memory, a_column);
+    window->part = rl_take(memory, a_column);
+    window->seen = rl_take(memory, a_column);
+    window->profile = rl_take(memory, a_column);
+    rl_room_start(&window->room, samples->kept, memory);
 }
 
 static void light_of(struct rl_window *window, int marker, bool continues)
 {
-    rl_interference_light(&window->interference, marker, continues,
-                          window->samples->begin_s + window->first,
-                          window->samples->end_s + window->first, window->rows, window->part,
-                          window->light);
+    rl_interference_light(&window->interference, marker, continues, window->begin_s,
+                          window->end_s, window->rows, window->part, window->light);
 }
 
 /* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
@@ -90,16 +81,13 @@ static void add_interferer(struct rl_window *window, int marker)
 static void whiten(struct rl_window *window)
 {
     const struct rl_samples *samples = window->samples;
-    double sum = 0.0;
     const struct rl_column column =
         rl_target_column(samples, window->channel, window->first, window->rows, &window->room);
-    for (int row = 0; row < window->rows; row++) {
-        sum += (double)column.signal[row];
-    }
     const double noise =
-        rl_noise_variance(samples, window->channel, sum / fmax(window->rows, 1.0));
-    rl_whiten(&window->whitened, column.signal, column.valid, samples->begin_s + window->first,
-              samples->end_s + window->first, window->rows, samples->period_s, MIN_NOISE * noise);
+        rl_noise_variance(samples, window->channel, rl_mean(column.signal, window->rows));
+    window->column = column;
+    rl_whiten(&window->whitened, column.signal, column.valid, window->begin_s, window->end_s,
+              window->rows, samples->period_s, MIN_NOISE * noise);
     for (int i = 0; i < window->interference.count; i++) {
         if (rl_interference_marker(&window->interference, i) == i) {
             add_interferer(window, i);
@@ -114,13 +102,15 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     const int end = rl_samples_row(samples, to_s - tiny_s) + 1;
     window->first = rl_samples_row(samples, from_s + tiny_s);
     window->rows = (end < samples->count ? end : samples->count) - window->first;
-    if (window->rows > window->max_rows) {
-        window->first += window->rows - window->max_rows;
-        window->rows = window->max_rows;
+    if (window->rows > samples->kept) {
+        window->first += window->rows - samples->kept;
+        window->rows = samples->kept;
     }
     if (window->rows < 0) {
         window->rows = 0;
     }
+    window->begin_s = samples->begin_s + window->first;
+    window->end_s = samples->end_s + window->first;
     window->channel = channel;
     window->has_profile = false;
     whiten(window);
@@ -146,8 +136,7 @@ static double fit(struct rl_window *window, const double *light)
 
 static void lay_light(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    rl_template(transmission, window->samples->begin_s + window->first,
-                window->samples->end_s + window->first, window->rows, window->light);
+    rl_template(transmission, window->begin_s, window->end_s, window->rows, window->light);
 }
 
 double rl_window_try_light(struct rl_window *window)
@@ -171,14 +160,13 @@ double rl_window_try_part(struct rl_window *window, const struct rl_transmission
 double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
                              uint32_t bits, double from_s, double to_s)
 {
-    const double *begin_s = window->samples->begin_s + window->first;
     struct rl_transmission other = *transmission;
     other.bits = bits;
     lay_light(window, transmission);
     memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
     lay_light(window, &other);
     for (int row = 0; row < window->rows; row++) {
-        if (begin_s[row] >= from_s && begin_s[row] < to_s) {
+        if (window->begin_s[row] >= from_s && window->begin_s[row] < to_s) {
             window->part[row] = window->light[row];
         }
     }
@@ -197,21 +185,12 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     return fit(window, window->light);
 }
 
-double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
-                          uint32_t bits)
-{
-    struct rl_transmission other = *transmission;
-    other.bits = bits;
-    return rl_window_try(window, &other);
-}
-
 /* Find how the gain changes if a packet is there. */
 static void find_profile(struct rl_window *window)
 {
     double gain[RL_KNOTS], most = 0.0;
-    const struct rl_column column = rl_target_column(window->samples, window->channel,
-                                                     window->first, window->rows, &window->room);
-    rl_gain_profile_fit(column.signal, column.valid, window->light, window->rows, gain);
+    rl_gain_profile_fit(window->column.signal, window->column.valid, window->light, window->rows,
+                        gain);
     for (int knot = 0; knot < RL_KNOTS; knot++) {
         gain[knot] = fmax(gain[knot], 0.0);
         most = fmax(most, gain[knot]);

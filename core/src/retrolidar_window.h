@@ -12,10 +12,11 @@
 
 struct rl_window {
     const struct rl_samples *samples;
-    int max_rows;
     int first, rows; /* in the samples */
+    const double *begin_s, *end_s; /* of each exposure [s] */
     int channel;
-    struct rl_whitened whitened;         /* samples */
+    struct rl_column column;             /* samples, of the target in question ... */
+    struct rl_whitened whitened;         /* ... and whitened */
     struct rl_gain fit;                  /* of the template that was tried last */
     struct rl_interference interference; /* of the windows that are opened from now on */
     double min_bit_s, max_bit_s;         /* limits of a refinement */
@@ -27,9 +28,8 @@ struct rl_window {
     struct rl_room room;
 };
 
-int64_t rl_window_bytes(int rows);
-void rl_window_start(struct rl_window *window, const struct rl_samples *samples, int rows,
-                     void *memory);
+void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
+                     struct rl_memory *memory);
 
 /* Look at the exposures of a channel from one time to another. */
 void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s);
@@ -54,9 +54,13 @@ double rl_window_try_stretch(struct rl_window *window, const struct rl_transmiss
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
                          const struct rl_transmission *other);
 
-/* The same of other bits. */
-double rl_window_try_bits(struct rl_window *window, const struct rl_transmission *transmission,
-                          uint32_t bits);
+/* Find the start and the bit period that are likeliest, near to those given; return the log
+ * likelihood. The limits of the bit period are to be set before.
+ *
+ * half_bits: from the start to the middle of the window
+ */
+double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
+                        double half_bits);
 
 /* Let the gain change from now on as the light of a packet does, if that explains more than it
  * costs: for whatever is tried in this window, as its rivals may move as it does. Return what it

@@ -3,72 +3,72 @@
  */
 #include "retrolidar_word.h"
 
-#include "retrolidar_refine.h"
-
 #include <math.h>
 
 enum { FLIPS = 4 }; /* bits that are flipped to make a better sequence */
 
-double rl_word_sequence(struct rl_window *window, double half_bits, const struct rl_hits *hits)
+double rl_word_sequence(const struct rl_case *judged)
 {
     double best = -INFINITY;
-    for (int i = 0; i < hits->sequences; i++) {
-        struct rl_transmission any = hits->sequence[i];
-        best = fmax(best, rl_window_refine(window, &any, half_bits));
+    for (int i = 0; i < judged->hits->sequences; i++) {
+        struct rl_transmission any = judged->hits->sequence[i];
+        best = fmax(best, rl_window_refine(judged->window, &any, judged->half_bits));
     }
     return best;
 }
 
-double rl_word_flip_bits(struct rl_window *window, const struct rl_transmission *transmission,
-                         double own, const struct rl_bits *bits, double enough)
+double rl_word_flip_bits(const struct rl_case *judged)
 {
+    const struct rl_bits *bits = &judged->bits;
+    const double enough = 3.0 * judged->demands->word;
+    struct rl_transmission best = judged->verdict.transmission;
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
-    uint32_t sequence = transmission->bits;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        first[(bits->first + bit) % RL_PACKET_BITS] = bits->flipped[bits->silent + bit];
+        first[rl_bit_of(bits->first + bit)] = bits->flipped[bits->silent + bit];
     }
     for (int round = 0; round < FLIPS && better < enough; round++) {
-        int best = -1;
-        double most = better;
+        uint32_t flipped = 0;
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            if (round == 0 || first[bit] > -(float)RL_MAX_MARGIN) {
-                const uint32_t other = sequence ^ rl_packet_bit(bit);
-                const double gained = round == 0
-                                          ? (double)first[bit]
-                                          : rl_window_try_bits(window, transmission, other) - own;
-                if (gained > most) {
-                    most = gained;
-                    best = bit;
-                }
+            if (round > 0 && first[bit] <= -(float)RL_MAX_MARGIN) {
+                continue;
+            }
+            struct rl_transmission other = best;
+            other.bits ^= rl_packet_bit(bit);
+            const double gained = round == 0
+                                      ? (double)first[bit]
+                                      : rl_window_try(judged->window, &other) - judged->own;
+            if (gained > better) {
+                better = gained;
+                flipped = rl_packet_bit(bit);
             }
         }
-        if (best < 0) {
+        if (flipped == 0) {
             break;
         }
-        sequence ^= rl_packet_bit(best);
-        better = most;
+        best.bits ^= flipped;
     }
     return better;
 }
 
-double rl_word_packets(struct rl_window *window, const struct rl_transmission *transmission,
-                         double own, double enough)
+double rl_word_packets(const struct rl_case *judged)
 {
-    const double *begin_s = window->samples->begin_s + window->first;
+    struct rl_window *window = judged->window;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
+    const double enough = 2.0 * judged->demands->word;
     const double bit_s = transmission->bit_s, packet_s = RL_PACKET_BITS * bit_s;
-    const double first = floor((begin_s[0] - transmission->start_s) / packet_s);
-    const double last = floor((begin_s[window->rows - 1] - transmission->start_s) / packet_s);
+    const double first = floor((window->begin_s[0] - transmission->start_s) / packet_s);
+    const double newest_s = window->begin_s[window->rows - 1];
+    const double last = floor((newest_s - transmission->start_s) / packet_s);
     double better = 0.0;
     for (int bit = 0; bit < RL_PACKET_BITS && better < enough; bit++) {
         const uint32_t bits = transmission->bits ^ rl_packet_bit(bit);
         for (double packet = first; packet <= last; packet++) {
             const double at_s = transmission->start_s + packet * packet_s + bit * bit_s;
             /* The crystal is slow, so the bit after it changes, too. */
-            const double other =
-                rl_window_try_stretch(window, transmission, bits, at_s - bit_s / 2,
-                                      at_s + 2.0 * bit_s);
-            better += fmax(other - own - RL_COST_OF_GAIN, 0.0);
+            const double other = rl_window_try_stretch(window, transmission, bits,
+                                                       at_s - bit_s / 2, at_s + 2.0 * bit_s);
+            better += fmax(other - judged->own - RL_COST_OF_GAIN, 0.0);
         }
     }
     return better;

@@ -4,7 +4,6 @@
 #include "retrolidar_zone_light.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 /* Zones take part whose gain is above so many deviations and this share of the strongest's. */
 static const double MIN_DEVIATIONS = 4.0, MIN_SHARE = 0.1;
@@ -91,11 +90,6 @@ bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest)
     return zone == strongest ? one->gain > 0.0
                              : one->gain > MIN_SHARE * lights[strongest].gain &&
                                    one->gain > MIN_DEVIATIONS * sqrt(one->gain_variance);
-}
-
-bool rl_zone_beside(int zone, int other, int columns)
-{
-    return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
 bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,

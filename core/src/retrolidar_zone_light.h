@@ -43,9 +43,6 @@ int rl_zone_strongest(const struct rl_zone_light *lights, int zones);
 /* Whether a zone is sure to see a part of the marker that the strongest zone sees. */
 bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest);
 
-/* Whether a zone is the same as another one or beside it. */
-bool rl_zone_beside(int zone, int other, int columns);
-
 /* Find by how much of its light a marker is seen, from the zones about the strongest. Return
  * whether that is shared otherwise than before: it has crossed an edge.
  */

@@ -102,17 +102,19 @@ PARTS = {
     'word test: bits turned': Part(
         'word', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
     ),
-    'word test: bits of the search': Part('word', 'i < hits->sequences;', 'i < 0;'),
+    'word test: bits of the search': Part('word', 'i < judged->hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
-        'decide', 'if (verdict.margin < demands->margin + price_of_sum(&trial)) {', 'if (false) {'
+        'decide',
+        'if (verdict->margin < judged->demands->margin + price_of_sum(judged)) {',
+        'if (false) {',
     ),
     'margin: more of it in sums of zones': Part(
-        'decide', 'is_sum && !trial->follows', 'false && is_sum'
+        'decide', 'is_sum && !judged->follows', 'false && is_sum'
     ),
     'margin: other IDs one after the other': Part(
         'decide',
-        'margin = fmin(margin, rl_successive_margin(',
-        'fmin(margin, rl_successive_margin(',
+        'margin = fmin(margin, rl_rivals_successive_margin(',
+        'fmin(margin, rl_rivals_successive_margin(',
     ),
     'margin: markers that appear or vanish': Part(
         'decide',
@@ -120,7 +122,7 @@ PARTS = {
         'fmin(margin, rl_rivals_part_margin(',
     ),
     'gains that change along the packet': Part(
-        'decide', 'verdict->packets == 1 && !trial->follows\n', 'false\n'
+        'decide', 'verdict->packets == 1 && !judged->follows\n', 'false\n'
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
     'word test: unknown bits of what appeared': Part(
@@ -135,14 +137,14 @@ PARTS = {
     'word test: bits of each of several packets': Part(
         'decide', '    if (verdict->packets > 1) {', '    if (false) {'
     ),
-    'other clocks': Part('decide', 'other > demands->word ? ', 'false ? '),
+    'other clocks': Part('decide', 'other > judged->demands->word ? ', 'false ? '),
     'a packet that repeats has repeated': Part(
         'decide', '!has_repeated(', 'false && !has_repeated('
     ),
     'a packet that repeats is no lone one': Part(
         'decide',
-        'may_be_lone(window, transmission, packets',
-        'false && may_be_lone(window, transmission, packets',
+        '&& may_be_lone(judged)',
+        '&& false && may_be_lone(judged)',
     ),
     'stretches judged as lone packets, too': Part(
         'judge', 'verdict.reason != RL_INCOMPLETE ||', 'true || verdict.reason != RL_INCOMPLETE ||'
@@ -151,7 +153,7 @@ PARTS = {
         'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'
     ),
     'more evidence where levels wander': Part(
-        'decide', 'trial->demands->wandering : 0.0', '0.0 : 0.0'
+        'decide', 'judged->demands->wandering : 0.0', '0.0 : 0.0'
     ),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'

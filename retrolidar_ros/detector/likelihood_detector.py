@@ -128,7 +128,7 @@ class LikelihoodDetector:
                 'max_packets': max_packets,
                 'kept': _MIN_HELD,
                 'bit_s': bit_period_s,
-                **self.demands._asdict(),
+                'demands': self.demands._asdict(),
             },
         )
         core = lib.rl_detector_create(settings, array('uint16_t', ids), len(ids))
@@ -185,7 +185,7 @@ class LikelihoodDetector:
         while taken < count:
             left = (one + taken * self._grid.zones for one in values)
             taken += lib.rl_detector_push(self._core, count - taken, stamps + taken, *left)
-            if lib.rl_detector_candidates(self._core):
+            if lib.rl_detector_newest(self._core).candidates:
                 detections += self._take(int(stamp_ns[taken - 1]))
         if count:
             self._rejections.settle(int(stamp_ns[-1]))
@@ -193,10 +193,9 @@ class LikelihoodDetector:
 
     def _take(self, now_ns: int) -> list[Detection]:
         """Return the detections of the newest frame, and store the candidates."""
-        held = lib.rl_detector_held(self._core)
+        held, newest = lib.rl_detector_held(self._core), lib.rl_detector_newest(self._core)
         before = len(self.candidates)
-        for index in range(lib.rl_detector_candidates(self._core)):
-            judged = lib.rl_detector_candidate(self._core, index)
+        for judged in newest.candidate[0 : newest.candidates]:
             self.candidates.append(
                 Candidate(
                     id=judged.id,
@@ -211,10 +210,9 @@ class LikelihoodDetector:
                 )
             )
         detections = []
-        for index in range(lib.rl_detector_readings(self._core)):
-            number = lib.rl_detector_reading(self._core, index).id
-            size_m = self._sizes_m.get(number, MARKER_SIZE_M)
-            detection = placed(self._core, index, size_m, self._grid, self._sensor)
+        for reading in newest.reading[0 : newest.readings]:
+            size_m = self._sizes_m.get(reading.id, MARKER_SIZE_M)
+            detection = placed(self._core, reading, size_m, self._grid, self._sensor)
             if detection is None:
                 self._unplaced += 1
             else:

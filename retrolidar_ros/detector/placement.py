@@ -40,12 +40,11 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
 
 
 def placed(
-    core: Any, index: int, size_m: float, grid: ZoneGrid, sensor: SensorModel
+    core: Any, reading: Any, size_m: float, grid: ZoneGrid, sensor: SensorModel
 ) -> Detection | None:
     """Return a reading of a core's newest frame; None where no distance was measured."""
-    reading = ffi.new('struct rl_reading *', lib.rl_detector_reading(core, index))
     where = ffi.new('struct rl_placement *')
-    if not lib.rl_place(core, reading, size_m, where):
+    if not lib.rl_place(core, ffi.addressof(reading), size_m, where):
         return None
     origin_ns = lib.rl_detector_held(core).origin_ns
     zones = tuple(where.zone[0 : where.zones])

@@ -64,11 +64,13 @@ def settings_of(rng: np.random.Generator) -> dict[str, Any]:
         'max_packets': max_packets,
         'kept': KEPT,
         'bit_s': bit_s,
-        'evidence': either(28.0, 40 * rng.random()),
-        'wandering': either(6.0, 0.0),
-        'word': either(8.0, 1e3),
-        'margin': either(7.0, -1e3),
-        'margin_of_more': either(9.0, -1e3),
+        'demands': {
+            'evidence': either(28.0, 40 * rng.random()),
+            'wandering': either(6.0, 0.0),
+            'word': either(8.0, 1e3),
+            'margin': either(7.0, -1e3),
+            'margin_of_more': either(9.0, -1e3),
+        },
     }
 
 
@@ -188,7 +190,8 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
         (whitened, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept)),
         (whitened.interferer, dict.fromkeys(range(len(whitened.interferer)), kept)),
         (window, dict.fromkeys(('light', 'part', 'seen', 'profile'), kept)),
-        (residual, {'light': kept, 'saved': kept * samples.channels}),
+        (residual, {'light': kept, 'part': kept, 'saved': kept * samples.channels}),
+        (detector, {'values': kept, 'role': kept, 'other': lib.RL_MAX_OTHERS * kept}),
     ):
         for name, length in lengths.items():
             array = owner[name] if isinstance(name, int) else getattr(owner, name)
@@ -232,8 +235,9 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
             more = lib.rl_detector_push(detector, end - taken, *buffers)
             assert 0 < more <= end - taken
             taken += more
-            read += lib.rl_detector_readings(detector)
-            candidates += lib.rl_detector_candidates(detector)
+            newest = lib.rl_detector_newest(detector)
+            read += newest.readings
+            candidates += newest.candidates
             place_all(ffi, lib, detector)
             follow_all(lib, tracks)
         check(ffi, lib, detector, settings, ids)

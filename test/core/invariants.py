@@ -37,22 +37,21 @@ def check(
     signal, distance = values(held.signal, sources, 'f4'), values(held.distance, zones, 'f4')
     assert (np.isfinite(signal) & (signal >= 0)).all()
     assert (np.isnan(distance) | ((distance > 0) & (distance < 8.192))).all()
-    for index in range(lib.rl_detector_candidates(detector)):
-        one = lib.rl_detector_candidate(detector, index)
+    newest = lib.rl_detector_newest(detector)
+    for one in newest.candidate[0 : newest.candidates]:
         assert 0 <= one.reason <= lib.RL_READ
         assert 0 <= one.channel < sources
         assert 1 <= one.packets <= most_packets
         assert abs(one.bit_s / settings['bit_s'] - 1) < 0.05
         assert np.isfinite([one.start_s, one.evidence, one.margin]).all()
         assert np.isfinite(one.word) or one.word == -np.inf
-    for index in range(lib.rl_detector_readings(detector)):
-        one = lib.rl_detector_reading(detector, index)
+    for one in newest.reading[0 : newest.readings]:
         assert one.id in ids if len(ids) else 0 < one.id < IDS - 1
         assert 1 <= one.packets <= most_packets
         assert abs(one.bit_s / settings['bit_s'] - 1) < 0.05
         assert np.isfinite([one.start_s, one.begin_s, one.end_s, one.evidence, one.margin]).all()
         assert one.begin_s < one.end_s
-        assert one.evidence >= settings['evidence']
+        assert one.evidence >= settings['demands']['evidence']
         assert 1 <= one.zones <= 16
         assert all(0 <= zone < zones for zone in one.zone[0 : one.zones])
 
@@ -60,9 +59,9 @@ def check(
 def place_all(ffi: FFI, lib: Any, detector: Any) -> None:
     """Ask of every reading what the package asks."""
     placed = ffi.new('struct rl_placement *')
-    for index in range(lib.rl_detector_readings(detector)):
-        one = ffi.new('struct rl_reading *', lib.rl_detector_reading(detector, index))
-        if not lib.rl_place(detector, one, 0.03, placed):
+    newest = lib.rl_detector_newest(detector)
+    for one in newest.reading[0 : newest.readings]:
+        if not lib.rl_place(detector, ffi.addressof(one), 0.03, placed):
             continue
         assert 0 < placed.range_m < 20
         assert 0 < placed.range_variance < np.inf

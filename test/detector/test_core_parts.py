@@ -22,12 +22,13 @@ KNOTS = 7
 def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: ZoneGrid) -> None:
     sent = recording_of(np.array([0]), np.ones((1, grid.zones)))
     core.take(replace(sent, grid=grid), LAW, BIT_PERIOD_S)
-    asked = core.lib.rl_view_bytes(core.samples.channels, KEPT)
-    memory = core.ffi.new('char[]', asked)
-    view = core.ffi.new('struct rl_view *')
+    view, memory = core.ffi.new('struct rl_view *'), core.ffi.new('struct rl_memory *')
+    core.lib.rl_view_start(view, core.samples, memory)
+    asked, memory.taken = memory.taken, 0
+    block = memory.block = core.ffi.new('char[]', asked)
     core.lib.rl_view_start(view, core.samples, memory)
     end = view.room[len(view.room) - 1].valid + KEPT
-    assert core.ffi.cast('char *', end) - memory <= asked
+    assert core.ffi.cast('char *', end) - block <= memory.taken == asked
 
 
 @pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
