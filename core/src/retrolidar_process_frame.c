@@ -11,11 +11,7 @@
 
 enum {
     FOLDS = 5,
-    /* Soft bits that are held against all words with a frame, at the most: of packets that have
-     * ended, and besides of those that repeat.
-     */
-    WORDS_ENDED = 200,
-    WORDS_REPEATING = 100,
+    MAX_WORDS = 300, /* soft bits that are held against all words with a frame, at the most */
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
@@ -217,7 +213,7 @@ void rl_process_frame(struct rl_detector *detector)
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
     int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
-    detector->search.words_left = WORDS_ENDED;
+    detector->search.words_left = MAX_WORDS;
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
     detector->looked_s = to_s;
@@ -229,7 +225,6 @@ void rl_process_frame(struct rl_detector *detector)
     judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MAX_ZONES, channels);
     search(detector, channels, count, 0, from_s, to_s, -INFINITY);
-    detector->search.words_left += WORDS_REPEATING;
     const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
     const bool is_new_slot = slot != detector->slot;
     detector->slot = slot;
