@@ -28,10 +28,10 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     detector->pool.added = 0;
     detector->looked_s = -INFINITY;
     detector->slot = 0;
+    detector->read_anew = 0;
     detector->search.frames_a_bit = 0.0;
     for (int zone = 0; zone < RL_MAX_ZONES; zone++) {
         detector->active_s[zone] = -INFINITY;
-        detector->is_read_anew[zone] = false;
     }
     for (int channel = 0; channel < RL_MAX_CHANNELS; channel++) {
         detector->consumed_until_s[channel] = -INFINITY;

@@ -49,7 +49,8 @@ struct rl_detector {
     double
         max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
     double consumed_until_s[RL_MAX_CHANNELS]; /* end of what was read last in each */
-    bool is_read_anew[RL_MAX_ZONES]; /* since the last search of the residual */
+    uint64_t read_anew; /* zones that saw what was read since the last search of the residual, and
+                         * those around them */
     double active_s[RL_MAX_ZONES]; /* since when each varies by more than noise; infinite if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];

@@ -114,7 +114,9 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     }
     /* Several gains take a part of whatever is there besides; so they must be worth it. */
     const double steady = all > 0.0 ? common * common / all : 0.0;
-    const bool changes = sums.total - explained < RL_MOST * (sums.total - steady);
+    const double changed = fmax(sums.total - explained, 1e-12);
+    const double worth = 0.5 * sums.steps * log((sums.total - steady) / changed);
+    const bool changes = worth > RL_COST_OF_GAIN * (RL_KNOTS - 1);
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }

@@ -41,8 +41,9 @@ static bool continues(const struct rl_packet_train *before, const struct rl_pack
     return now->begin_s - before->end_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
 }
 
-void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
-                 const struct rl_packet_train *train, const int32_t *zones, int count)
+const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples,
+                                          uint16_t id, const struct rl_packet_train *train,
+                                          const int32_t *zones, int count)
 {
     struct rl_active_track *track = NULL;
     struct rl_packet_train whole = *train;
@@ -63,6 +64,7 @@ void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_
         track->zones |= (uint64_t)1 << zones[i];
         track->near |= around(samples, zones[i]);
     }
+    return track;
 }
 
 const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
@@ -129,7 +131,7 @@ uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
     uint64_t zones = 0;
     for (int i = first_held(pool); i < pool->added; i++) {
         const struct rl_active_track *track = &pool->track[i % RL_POOL];
-        zones |= track->train.end_s > since_s ? track->zones | track->near : 0;
+        zones |= track->train.end_s > since_s ? track->near : 0;
     }
     return zones;
 }

@@ -14,7 +14,7 @@ struct rl_active_track {
     uint16_t id;
     struct rl_packet_train train;
     int zone;             /* that saw it best */
-    uint64_t zones, near; /* bit masks: those that saw it, and those around them besides */
+    uint64_t zones, near; /* bit masks: those that saw it, and all of them and around them */
 };
 
 struct rl_pool {
@@ -24,8 +24,9 @@ struct rl_pool {
 
 /* Add a packet, or several that repeat; one that goes on from an active track becomes part of it.
  */
-void rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples, uint16_t id,
-                 const struct rl_packet_train *train, const int32_t *zones, int count);
+const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples,
+                                          uint16_t id, const struct rl_packet_train *train,
+                                          const int32_t *zones, int count);
 
 /* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
  * if there is none from the index on, which it moves.
@@ -47,7 +48,7 @@ bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
                           uint16_t except, struct rl_interference *interference);
 
-/* Zones that saw what was read until a time or later, and those around them, as a bit mask. */
+/* Zones that saw what was read until a time or later, and those around them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
 
 /* The zones of a channel as a bit mask. */

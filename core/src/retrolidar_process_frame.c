@@ -7,7 +7,6 @@
 #include "retrolidar_noise.h"
 
 #include <math.h>
-#include <string.h>
 
 enum {
     FOLDS = 5,
@@ -65,33 +64,22 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
     return kept;
 }
 
-/* Whether any zone of a channel is among some. */
-static bool has_zone_of(const struct rl_channel *channel, const bool *zones)
-{
-    bool any = false;
-    for (int i = 0; i < channel->zones; i++) {
-        any = any || zones[channel->zone[i]];
-    }
-    return any;
-}
-
 /* Subtract what was read a short while ago from the zones it was read in, from those beside them
- * that it explains, and from sums of them. Note which channels these are; return how the rest of
- * each varies, in the variance of noise.
+ * that it explains, and from sums of them. Return these zones, and how the rest of each of their
+ * channels varies, in the variance of noise.
  *
  * since_s: what ended before is not subtracted
  */
-static void subtract_read(struct rl_detector *detector, double since_s, double to_s,
-                          bool *is_subtracted, double *rest)
+static uint64_t subtract_read(struct rl_detector *detector, double since_s, double to_s,
+                              double *rest)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     /* As long as no whole packet can have come since the reading. */
     const double over_s = to_s - (2 * RL_PACKET_BITS + RL_CONTINUES_BITS) * bit_s;
-    const uint64_t near = rl_pool_zones(&detector->pool, over_s);
+    uint64_t zones = rl_pool_zones(&detector->pool, over_s);
     for (int zone = 0; zone < samples->zones; zone++) {
-        is_subtracted[zone] = (near >> zone & 1u) != 0;
-        if (is_subtracted[zone]) {
+        if ((zones >> zone & 1u) != 0) {
             struct rl_interference interference;
             rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
                                  since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
@@ -100,16 +88,16 @@ static void subtract_read(struct rl_detector *detector, double since_s, double t
             if (detector->consumed_until_s[zone] <= over_s &&
                 rest[zone] > RL_MOST * rl_noise_variation(samples, zone)) {
                 rl_residual_restore(&detector->residual, zone);
-                is_subtracted[zone] = false;
+                zones &= ~((uint64_t)1 << zone);
             }
         }
     }
     for (int sum = samples->zones; sum < samples->channels; sum++) {
-        is_subtracted[sum] = has_zone_of(&samples->channel[sum], is_subtracted);
-        if (is_subtracted[sum]) {
+        if ((rl_channel_zones(samples, sum) & zones) != 0) {
             rest[sum] = rl_residual_sum(&detector->residual, sum);
         }
     }
+    return zones;
 }
 
 /* Search channels in which packets were read a short while ago for others, with these subtracted
@@ -122,14 +110,14 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
 {
     const struct rl_samples *samples = &detector->samples;
     const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
-    bool is_subtracted[RL_MAX_CHANNELS];
     double rest[RL_MAX_CHANNELS];
-    subtract_read(detector, from_s - packet_s, to_s, is_subtracted, rest);
+    const uint64_t subtracted = subtract_read(detector, from_s - packet_s, to_s, rest);
     for (int again = 0; again < 2; again++) {
         int channels[RL_MAX_CHANNELS], count = 0;
         for (int channel = 0; channel < samples->channels; channel++) {
-            if (is_subtracted[channel] && rest[channel] > RL_ACTIVE &&
-                has_zone_of(&samples->channel[channel], detector->is_read_anew) == again) {
+            const uint64_t zones = rl_channel_zones(samples, channel);
+            const bool is_anew = (zones & detector->read_anew) != 0;
+            if ((zones & subtracted) != 0 && rest[channel] > RL_ACTIVE && is_anew == again) {
                 channels[count++] = channel;
             }
         }
@@ -138,11 +126,11 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
         search(detector, channels, count, 1, ended_s, to_s, -INFINITY);
     }
     for (int channel = 0; channel < samples->channels; channel++) {
-        if (is_subtracted[channel]) {
+        if ((rl_channel_zones(samples, channel) & subtracted) != 0) {
             rl_residual_restore(&detector->residual, channel);
         }
     }
-    memset(detector->is_read_anew, 0, sizeof detector->is_read_anew);
+    detector->read_anew = 0;
 }
 
 /* Judge the packets that follow those that were read, if their markers go on. */

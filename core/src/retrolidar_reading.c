@@ -82,14 +82,12 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
         .zones = seen < RL_MAX_READ ? seen : RL_MAX_READ,
     };
     memcpy(reading->zone, zones, (size_t)reading->zones * sizeof *zones);
-    rl_pool_add(&detector->pool, samples, verdict->id, &train, zones, seen);
-    uint64_t read = 0;
-    for (int i = 0; i < reading->zones; i++) {
-        read |= (uint64_t)1 << zones[i];
-        detector->is_read_anew[zones[i]] = true;
-    }
+    const struct rl_active_track *track =
+        rl_pool_add(&detector->pool, samples, verdict->id, &train, zones, reading->zones);
+    /* Its light hid packets in the zones beside, too. */
+    detector->read_anew |= track->near;
     for (int channel = 0; channel < samples->channels; channel++) {
-        if ((rl_channel_zones(samples, channel) & read) != 0) {
+        if ((rl_channel_zones(samples, channel) & track->zones) != 0) {
             detector->consumed_until_s[channel] =
                 fmax(detector->consumed_until_s[channel], reading->end_s);
         }

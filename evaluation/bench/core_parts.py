@@ -40,9 +40,7 @@ PARTS = {
     'earlier packets: gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'earlier packets: those of a marker as one': Part(
-        'interference',
-        'first < index && !is_of_one_marker(',
-        'first < index && true | !is_of_one_marker(',
+        'interference', 'return overlap_s < SAME', 'return false && overlap_s < SAME'
     ),
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
@@ -56,13 +54,14 @@ PARTS = {
     ),
     'search of the residual: sums of zones, too': Part(
         'process_frame',
-        'is_subtracted[channel] && rest[channel] > RL_ACTIVE',
-        'channel < samples->zones && is_subtracted[channel] && rest[channel] > RL_ACTIVE',
+        '(zones & subtracted) != 0 && rest[channel] > RL_ACTIVE',
+        'channel < samples->zones && (zones & subtracted) != 0 && rest[channel] > RL_ACTIVE',
     ),
     'search of the residual: zones beside, too': Part(
-        'process_frame',
-        '(near >> zone & 1u) != 0;',
-        'near != 0 && detector->consumed_until_s[zone] > over_s;',
+        'pool', 'end_s > since_s ? track->near', 'end_s > since_s ? track->zones'
+    ),
+    'residual searched again: zones beside, too': Part(
+        'reading', 'read_anew |= track->near', 'read_anew |= track->zones'
     ),
     'search of the residual: markers that explain little': Part(
         'gain_profile', '2.0 * RL_COST_OF_CHANCE + (changes', '(changes'
