@@ -27,7 +27,6 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     rl_samples_clear(&detector->samples, stamp_ns);
     detector->pool.added = 0;
     detector->looked_s = -INFINITY;
-    detector->slot = 0;
     detector->read_anew = 0;
     detector->search.frames_a_bit = 0.0;
     for (int zone = 0; zone < RL_MAX_ZONES; zone++) {

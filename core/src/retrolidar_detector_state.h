@@ -16,7 +16,7 @@
 enum {
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
-    RL_MAX_PENDING = 5 * RL_MAX_CHANNELS + 7 * RL_MAX_ZONES, /* all of a frame */
+    RL_MAX_PENDING = 5 * RL_MAX_CHANNELS + 15 * RL_MAX_ZONES, /* all of a frame */
     /* That a search for one packet may look back. */
     RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
@@ -45,7 +45,6 @@ struct rl_detector {
     struct rl_counts counts;
     int64_t last_ns;
     double looked_s;
-    int64_t slot;
     double
         max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
     double consumed_until_s[RL_MAX_CHANNELS]; /* end of what was read last in each */

@@ -21,12 +21,14 @@ static int knot_of(int row, int rows, double *beyond)
     return knot;
 }
 
-static void add_light(double column[RL_KNOTS], int row, int rows, double light)
+/* Add the light of a row to the two knots around it; return the first of them. */
+static int add_light(double column[RL_KNOTS], int row, int rows, double light)
 {
     double beyond;
     const int knot = knot_of(row, rows, &beyond);
     column[knot] += (1.0 - beyond) * light;
     column[knot + 1] += beyond * light;
+    return knot;
 }
 
 /* Solve a symmetric positive system in place, by Cholesky's factors. */
@@ -71,10 +73,10 @@ static struct sums sums_of(const float *signal, const uint8_t *valid, const doub
         if (before >= 0) {
             double column[RL_KNOTS] = {0.0};
             const double step = (double)signal[row] - (double)signal[before];
-            add_light(column, row, rows, light[row]);
-            add_light(column, before, rows, -light[before]);
-            for (int i = 0; i < RL_KNOTS; i++) {
-                for (int j = 0; column[i] != 0.0 && j < RL_KNOTS; j++) {
+            const int first = add_light(column, before, rows, -light[before]);
+            const int last = add_light(column, row, rows, light[row]) + 1;
+            for (int i = first; i <= last; i++) {
+                for (int j = first; j <= last; j++) {
                     sums.normal[i][j] += column[i] * column[j];
                 }
                 sums.right[i] += column[i] * step;

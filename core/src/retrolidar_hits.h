@@ -7,6 +7,7 @@
 
 #include "retrolidar_codebook.h"
 #include "retrolidar_constants.h"
+#include "retrolidar_reference.h"
 #include "retrolidar_template.h"
 #include "retrolidar_view.h"
 
@@ -42,6 +43,7 @@ struct rl_slot {
  * clock.
  */
 struct rl_hits {
+    int reference; /* zone whose light was subtracted, or RL_NO_REFERENCE */
     int count, sequences;
     struct rl_hit hit[RL_HITS];
     struct rl_transmission sequence[RL_TRIED]; /* of a word or not */

@@ -83,6 +83,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .follows = rl_pool_is_followed(&detector->pool, hit->id, &train),
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };
+    detector->window.reference = hits->reference;
     const struct rl_verdict verdict = rl_decide(&judged);
     note(detector, &verdict);
     return verdict;
@@ -137,6 +138,7 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     add_beside(&interference, one);
     const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);
     hits->count = 0;
+    hits->reference = RL_NO_REFERENCE;
     if (rest > RL_ACTIVE) {
         rl_search_look(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
                        2.0 * detector->max_llr_deficit, hits);
@@ -200,7 +202,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     struct rl_verdict other, verdict = decide(detector, pending->channel, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
     const bool may_hide =
-        pending->since_s < begin_s && detector->samples.channel[pending->channel].zones == 1 &&
+        pending->since_s < begin_s && pending->hits.reference == RL_NO_REFERENCE && detector->samples.channel[pending->channel].zones == 1 &&
         verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
         verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {

@@ -152,7 +152,7 @@ static void subtract(double (*from)[RL_WALK_LANES], const double (*column)[RL_WA
 
 typedef const double (*rl_const_column)[RL_WALK_LANES];
 
-void rl_add_interferer(struct rl_whitened *whitened, const double *light)
+void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool may_darken)
 {
     const int samples = whitened->samples;
     double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
@@ -172,7 +172,7 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light)
     multiply((rl_const_column)column, (rl_const_column)whitened->signal, samples, product);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
         /* No marker makes a zone darker while it is bright. */
-        const bool is_there = product[walk] > 0.0 && power[walk] > NO_ENERGY;
+        const bool is_there = (may_darken || product[walk] > 0.0) && power[walk] > NO_ENERGY;
         scale[walk] = is_there ? 1.0 / sqrt(power[walk]) : 0.0;
         product[walk] *= scale[walk];
         whitened->squares[walk] -= product[walk] * product[walk];

@@ -17,7 +17,7 @@
 #include <stdbool.h>
 
 enum {
-    RL_MAX_INTERFERERS = 6, /* columns of other packets, fitted along with any template */
+    RL_MAX_INTERFERERS = 13, /* columns of other light, fitted along with any template */
     RL_WALKS = 9,           /* values of q that are tried */
     RL_WALK_LANES = 10,     /* the same, made even */
 };
@@ -68,7 +68,9 @@ double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_ga
 
 /* Make a template an interferer: from now on its gain is fitted along with that of any other, and
  * the null hypothesis has it, too. There must be room.
+ *
+ * may_darken: whether its gain may be negative, too
  */
-void rl_add_interferer(struct rl_whitened *whitened, const double *light);
+void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool may_darken);
 
 #endif

@@ -10,12 +10,14 @@
 
 enum {
     FOLDS = 5,
+    STRETCH_BITS = 2, /* between two searches of the last packet of each channel */
     MAX_WORDS = 300, /* soft bits that are held against all words with a frame, at the most */
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
-static void search(struct rl_detector *detector, const int *channels, int count, int packets,
-                   double from_s, double to_s, double since_s)
+/* Search channels, in which the light of a reference has been subtracted, if any. */
+static void search_less(struct rl_detector *detector, int reference, const int *channels,
+                        int count, int packets, double from_s, double to_s, double since_s)
 {
     struct rl_hits *hits = detector->hits;
     if (count == 0) {
@@ -24,11 +26,18 @@ static void search(struct rl_detector *detector, const int *channels, int count,
     rl_search_look(&detector->search, channels, count, packets, from_s, to_s, since_s,
                    detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
-        if (hits[i].count > 0) {
+        hits[i].reference = reference;
+        if (hits[i].count > 0 && detector->pendings < RL_MAX_PENDING) {
             detector->pending[detector->pendings++] =
                 (struct rl_pending){channels[i], packets > 0 ? packets : 1, since_s, hits[i]};
         }
     }
+}
+
+static void search(struct rl_detector *detector, const int *channels, int count, int packets,
+                   double from_s, double to_s, double since_s)
+{
+    search_less(detector, RL_NO_REFERENCE, channels, count, packets, from_s, to_s, since_s);
 }
 
 /* Channels that have not been read for so long, and are active if that is asked. */
@@ -133,6 +142,36 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
     detector->read_anew = 0;
 }
 
+/* Search strong zones with the light subtracted that a zone beside them sees, if that explains most
+ * of what they see.
+ */
+static void search_beside(struct rl_detector *detector, double to_s)
+{
+    const struct rl_samples *samples = &detector->samples;
+    const double since_s = to_s - RL_SEARCH_BITS * detector->settings.bit_s;
+    for (int reference = 0; reference < samples->zones; reference++) {
+        int zones[RL_MAX_ZONES], count = 0;
+        for (int zone = 0; zone < samples->zones; zone++) {
+            const double whole = rl_noise_variation(samples, zone);
+            if (zone == reference || whole < RL_STRONG ||
+                rl_noise_variation(samples, reference) < RL_STRONG ||
+                !rl_zone_beside(zone, reference, samples->columns_of_zones)) {
+                continue;
+            }
+            const double rest = rl_residual_cancel(&detector->residual, zone, reference, since_s);
+            if (rest > RL_ACTIVE && rest < RL_MOST * whole) {
+                zones[count++] = zone;
+            } else {
+                rl_residual_restore(&detector->residual, zone);
+            }
+        }
+        search_less(detector, reference, zones, count, 1, to_s, to_s, -INFINITY);
+        for (int i = 0; i < count; i++) {
+            rl_residual_restore(&detector->residual, zones[i]);
+        }
+    }
+}
+
 /* Judge the packets that follow those that were read, if their markers go on. */
 static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
@@ -147,7 +186,7 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
             .channel = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
-            .hits = {.count = 1, .hit = {{0.0f, track->id, next}}}};
+            .hits = {.reference = RL_NO_REFERENCE, .count = 1, .hit = {{0.0f, track->id, next}}}};
         if (detector->decisions_left > 0) {
             rl_judge(detector, &pending, to_s);
         }
@@ -183,6 +222,12 @@ static void note_active(struct rl_detector *detector, double to_s)
     }
 }
 
+/* Whether a time that comes again and again has come since another one. */
+static bool comes(double every_s, double from_s, double to_s)
+{
+    return floor(to_s / every_s) > floor(from_s / every_s);
+}
+
 /* How promising a candidate is. */
 static float rank(const struct rl_detector *detector, int index)
 {
@@ -213,13 +258,11 @@ void rl_process_frame(struct rl_detector *detector)
     judge_next(detector, from_s, to_s);
     int count = ready(detector, packet_bits, to_s, true, RL_MAX_ZONES, channels);
     search(detector, channels, count, 0, from_s, to_s, -INFINITY);
-    const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
-    const bool is_new_slot = slot != detector->slot;
-    detector->slot = slot;
-    if (!is_new_slot) {
-        count = due(detector, channels, count, RL_PACKET_BITS, from_s, to_s);
+    if (comes(STRETCH_BITS * bit_s, from_s, to_s)) {
+        search(detector, channels, count, 1, from_s, to_s, -INFINITY);
     }
-    search(detector, channels, count, 1, from_s, to_s, -INFINITY);
+    const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
+    const bool is_new_slot = comes(RL_LOOK_BITS * bit_s, from_s, to_s);
     /* More packets are looked at as soon as there are as many, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + RL_MAX_SKEW) + 1.0;
@@ -232,11 +275,12 @@ void rl_process_frame(struct rl_detector *detector)
         }
         search(detector, channels, count, FOLD[fold], from_s, to_s, -INFINITY);
     }
-    if (floor(to_s / bit_s) > floor(from_s / bit_s)) {
+    if (comes(bit_s, from_s, to_s)) {
         search_appeared(detector, to_s);
     }
     if (is_new_slot) {
         search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);
+        search_beside(detector, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;

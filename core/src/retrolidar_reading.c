@@ -10,6 +10,7 @@
 /* Energy of a packet in a zone, beside what else is known to be there; 0 if there is no evidence. */
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
+    window->reference = RL_NO_REFERENCE;
     rl_window_open(window, zone, verdict->begin_s, verdict->end_s);
     const double price = rl_window_follow_gain(window, &verdict->transmission);
     const double likelihood = rl_window_try(window, &verdict->transmission);

@@ -63,31 +63,71 @@ static double variation(const struct rl_residual *residual, int channel)
     return newest > 1 ? squares / (newest - 1) / rl_noise_variance(samples, channel, mean) : 0.0;
 }
 
+/* Save the samples of a channel; return how many rows these are. */
+static int save(struct rl_residual *residual, int channel)
+{
+    const struct rl_samples *samples = residual->samples;
+    const int rows = samples->count - residual->first;
+    memcpy(residual->saved + (size_t)channel * (size_t)samples->kept,
+           samples->signal + rl_sample(samples, channel, residual->first),
+           (size_t)rows * sizeof(float));
+    return rows;
+}
+
+/* The same of a zone, since a time. */
+static int save_since(struct rl_residual *residual, int zone, double from_s)
+{
+    const int oldest = rl_samples_oldest(residual->samples);
+    residual->first = rl_samples_row(residual->samples, from_s);
+    residual->first = residual->first > oldest ? residual->first : oldest;
+    return save(residual, zone);
+}
+
+/* A missing sample is like the one before it, as in what was measured. */
+static void fill_missing(float *signal, const uint8_t *valid, int rows)
+{
+    for (int row = 1; row < rows; row++) {
+        signal[row] = valid[row] ? signal[row] : signal[row - 1];
+    }
+}
+
 double rl_residual_subtract(struct rl_residual *residual, int zone,
                             const struct rl_interference *interference, double from_s)
 {
     struct rl_samples *samples = residual->samples;
-    const int oldest = rl_samples_oldest(samples);
-    residual->first = rl_samples_row(samples, from_s);
-    residual->first = residual->first > oldest ? residual->first : oldest;
-    const int rows = samples->count - residual->first;
+    const int rows = save_since(residual, zone, from_s);
     const size_t at = rl_sample(samples, zone, residual->first);
     float *signal = samples->signal + at;
-    const size_t bytes = (size_t)rows * sizeof *signal;
-    memcpy(residual->saved + (size_t)zone * (size_t)samples->kept, signal, bytes);
     /* Without the packet nothing would tell its target from that behind it. */
     const struct rl_column column =
         rl_target_column(samples, zone, residual->first, rows, &residual->room);
-    memmove(signal, column.signal, bytes);
+    memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     samples->interference_removed[zone] = true;
     for (int i = 0; i < interference->count; i++) {
         if (rl_interference_marker(interference, i) == i) {
             subtract(residual, interference, i, signal, samples->valid + at, rows);
         }
     }
-    /* A missing sample is like the one before it, as in what was measured. */
-    for (int row = 1; row < rows; row++) {
-        signal[row] = samples->valid[at + (size_t)row] ? signal[row] : signal[row - 1];
+    fill_missing(signal, samples->valid + at, rows);
+    return variation(residual, zone);
+}
+
+double rl_residual_cancel(struct rl_residual *residual, int zone, int reference, double from_s)
+{
+    struct rl_samples *samples = residual->samples;
+    const int rows = save_since(residual, zone, from_s);
+    const size_t at = rl_sample(samples, zone, residual->first);
+    float *signal = samples->signal + at;
+    struct rl_column column = {signal, samples->valid + at};
+    double gain[RL_KNOTS];
+    rl_reference_light(samples, reference, residual->first, rows, residual->light);
+    rl_reference_erase(samples, reference, residual->first, rows, &residual->room, &column);
+    if (rl_gain_profile_fit(signal, column.valid, residual->light, rows, gain).nats > 0.0) {
+        samples->interference_removed[zone] = true;
+        for (int row = 0; row < rows; row++) {
+            signal[row] -= (float)(rl_gain_profile_at(gain, row, rows) * residual->light[row]);
+        }
+        fill_missing(signal, column.valid, rows);
     }
     return variation(residual, zone);
 }
@@ -96,10 +136,8 @@ double rl_residual_sum(struct rl_residual *residual, int channel)
 {
     struct rl_samples *samples = residual->samples;
     const struct rl_channel *sum = &samples->channel[channel];
-    const int rows = samples->count - residual->first;
+    const int rows = save(residual, channel);
     float *signal = samples->signal + rl_sample(samples, channel, residual->first);
-    memcpy(residual->saved + (size_t)channel * (size_t)samples->kept, signal,
-           (size_t)rows * sizeof *signal);
     memset(signal, 0, (size_t)rows * sizeof *signal);
     for (int i = 0; i < sum->zones; i++) {
         const float *zone = samples->signal + rl_sample(samples, sum->zone[i], residual->first);

@@ -26,6 +26,9 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
 double rl_residual_subtract(struct rl_residual *residual, int zone,
                             const struct rl_interference *interference, double from_s);
 
+/* Subtract what another zone sees, as far as that explains the zone. Return the same. */
+double rl_residual_cancel(struct rl_residual *residual, int zone, int reference, double from_s);
+
 /* The same of a sum of zones, once transmissions are subtracted from its zones. */
 double rl_residual_sum(struct rl_residual *residual, int channel);
 

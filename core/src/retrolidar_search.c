@@ -11,8 +11,6 @@
 
 enum { EIGHTHS = 2 * RL_PHASES }; /* of a bit, by which packets that ended are tried */
 
-/* Variance of a channel, in that of its noise, from which it is strong. */
-static const double STRONG = 4.0;
 /* What stands out of strong samples is asked for more, as most of it is judged in vain. */
 static const double STRONG_SHARE = 1.3;
 /* The longer the silence before a faint packet is remembered, the more certain its bright level. */
@@ -207,7 +205,7 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
             &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
         int chosen[RL_MAX_CHANNELS], index[RL_MAX_CHANNELS], lanes = 0;
         for (int i = 0; i < count; i++) {
-            if ((rl_noise_variation(search->samples, channels[i]) > STRONG) == strong) {
+            if ((rl_noise_variation(search->samples, channels[i]) > RL_STRONG) == strong) {
                 chosen[lanes] = channels[i];
                 search->shortlist[lanes].words = search->shortlist[lanes].sequences = 0;
                 index[lanes++] = i;

@@ -9,6 +9,9 @@
 
 #include "retrolidar_hits.h"
 
+/* Variance of a channel, in that of its noise, from which it is strong. */
+static const double RL_STRONG = 4.0;
+
 /* How samples are whitened before they are searched. */
 struct rl_whitening {
     float walk; /* variance of the level's steps over that of the noise */

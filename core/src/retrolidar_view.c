@@ -142,9 +142,12 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
     float shared = 0.0f, seen = 0.0f;
     trial->seen = 0;
+    int row = row_of(view, first_s);
     for (int bit = 0; bit <= bits; bit++) {
         const float time_s = first_s + (float)bit * bit_s;
-        const int row = row_of(view, time_s);
+        while (view->begin[row + 1] <= time_s) {
+            row++;
+        }
         const float passed = (time_s - view->begin[row]) * view->rate[row];
         const float share = rl_minf(rl_maxf(passed, 0.0f), 1.0f);
         view->edge[bit] = (struct rl_edge){row, share};

@@ -20,6 +20,7 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     const int64_t a_column = samples->kept * (int64_t)sizeof(double);
     memset(window, 0, sizeof *window);
     window->samples = samples;
+    window->reference = RL_NO_REFERENCE;
     rl_whitened_start(&window->whitened, samples->kept, memory);
     window->light = rl_take(memory, a_column);
     window->part = rl_take(memory, a_column);
@@ -74,20 +75,42 @@ static void add_interferer(struct rl_window *window, int marker)
         if (best - whitened->null < RL_COST_OF_CHANCE) {
             return;
         }
-        rl_add_interferer(whitened, part_of(window, best_split, best_later));
+        rl_add_interferer(whitened, part_of(window, best_split, best_later), false);
+    }
+}
+
+/* Make the light of the reference an interferer: its gain is linear between knots. */
+static void add_reference(struct rl_window *window)
+{
+    rl_reference_light(window->samples, window->reference, window->first, window->rows,
+                       window->light);
+    for (int knot = 0; knot < RL_KNOTS; knot++) {
+        double gain[RL_KNOTS] = {0.0};
+        gain[knot] = 1.0;
+        for (int row = 0; row < window->rows; row++) {
+            window->part[row] = window->light[row] * rl_gain_profile_at(gain, row, window->rows);
+        }
+        rl_add_interferer(&window->whitened, window->part, true);
     }
 }
 
 static void whiten(struct rl_window *window)
 {
     const struct rl_samples *samples = window->samples;
-    const struct rl_column column =
+    struct rl_column column =
         rl_target_column(samples, window->channel, window->first, window->rows, &window->room);
+    if (window->reference != RL_NO_REFERENCE) {
+        rl_reference_erase(samples, window->reference, window->first, window->rows, &window->room,
+                           &column);
+    }
     const double noise =
         rl_noise_variance(samples, window->channel, rl_mean(column.signal, window->rows));
     window->column = column;
     rl_whiten(&window->whitened, column.signal, column.valid, window->begin_s, window->end_s,
               window->rows, samples->period_s, MIN_NOISE * noise);
+    if (window->reference != RL_NO_REFERENCE && window->rows > 0) {
+        add_reference(window);
+    }
     for (int i = 0; i < window->interference.count; i++) {
         if (rl_interference_marker(&window->interference, i) == i) {
             add_interferer(window, i);

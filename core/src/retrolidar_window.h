@@ -6,6 +6,7 @@
 #define RETROLIDAR_WINDOW_H
 
 #include "retrolidar_interference.h"
+#include "retrolidar_reference.h"
 #include "retrolidar_likelihood.h"
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
@@ -18,7 +19,8 @@ struct rl_window {
     struct rl_column column;             /* samples, of the target in question ... */
     struct rl_whitened whitened;         /* ... and whitened */
     struct rl_gain fit;                  /* of the template that was tried last */
-    struct rl_interference interference; /* of the windows that are opened from now on */
+    struct rl_interference interference; /* of the windows that are opened from now on, and ... */
+    int reference;                       /* ... what interferes there, or RL_NO_REFERENCE */
     double min_bit_s, max_bit_s;         /* limits of a refinement */
     double *light;                       /* of the template that was tried last */
     double *part;                        /* of the light of an interferer */

@@ -66,6 +66,9 @@ PARTS = {
     'search of the residual: markers that explain little': Part(
         'gain_profile', '2.0 * RL_COST_OF_CHANCE + (changes', '(changes'
     ),
+    'a zone beside as a reference': _call(
+        'process_frame', '        search_beside(detector, to_s);'
+    ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
@@ -90,8 +93,14 @@ PARTS = {
     ),
     'what has appeared: with each bit': Part(
         'process_frame',
-        'floor(to_s / bit_s) > floor(from_s / bit_s)',
-        'floor(to_s / bit_s / 2.0) > floor(from_s / bit_s / 2.0)',
+        'comes(bit_s, from_s, to_s)',
+        'comes(2.0 * bit_s, from_s, to_s)',
+    ),
+    'the last packet with every other bit': Part(
+        'process_frame', 'STRETCH_BITS = 2', 'STRETCH_BITS = RL_LOOK_BITS'
+    ),
+    'lone packets': _call(
+        'process_frame', '    search(detector, channels, count, 0, from_s, to_s, -INFINITY);'
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),

@@ -194,6 +194,17 @@ def test_a_packet_that_a_marker_in_the_next_zone_hid_is_found_once_that_is_known
     assert times_found(2073, mean + np.outer(34.0 * hidden, spread[6]), 10) >= 4
 
 
+def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_better() -> None:
+    rng = np.random.default_rng(3)
+    foreign = Sending(rng.integers(0, 2, PACKET_BITS).astype(float), True, 0.3, 1.37 * BIT_PERIOD_S)
+    sways = 1 + 0.5 * np.sin(2 * np.pi * MIDDLE_S / 2.1)
+    spread = np.eye(GRID.zones)
+    other = sways * light(foreign, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+    mean = 10.0 + np.outer(other, 600.0 * spread[5] + 240.0 * spread[6])
+    own = np.outer(shown(2073), 60.0 * spread[6] + 6.0 * spread[5])
+    assert times_found(2073, mean + own, 8) >= 6
+
+
 def beside(number: int) -> Floats:
     """Return the light of a marker that repeats."""
     known = Sending(packet(number).astype(np.float64), True, 0.3, BIT_PERIOD_S)
