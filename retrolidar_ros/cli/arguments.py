@@ -4,6 +4,7 @@
 
 import argparse
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -21,6 +22,15 @@ _METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
 class Parser(argparse.ArgumentParser):
     """Prints an error in one line, and the help of the option."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments; one that is unknown is an error of the subcommand, not of the command."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            near = get_close_matches(unknown[0].partition('=')[0], self._option_string_actions, n=1)
+            hint = f'; did you mean {near[0]}?' if near else ''
+            self.error(f'unrecognized arguments: {" ".join(unknown)}{hint}')
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """Print an error and exit with code 2."""

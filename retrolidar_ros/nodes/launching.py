@@ -157,9 +157,14 @@ def parameter(context: LaunchContext, kind: str, name: str) -> Any:
     if text := value(context, name):
         return text
     found = declared()[kind][name].default
-    for key, section in load_yaml(Path(_parameter_file(context))).items():
+    path = _parameter_file(context)
+    for key, section in load_yaml(Path(path)).items():
+        if not isinstance(section, dict) or 'ros__parameters' not in section:
+            raise RuntimeError(
+                f'params_file:={path}: {key} has no ros__parameters; add them, or take it out'
+            )
         if str(key).rpartition('/')[2] in (kind, '**'):
-            found = (section.get('ros__parameters') or {}).get(name, found)
+            found = (section['ros__parameters'] or {}).get(name, found)
     return found
 
 

@@ -133,6 +133,7 @@ def test_unusable_input_is_a_line(bag: Path, arguments: str, message: str, capsy
         ('watch port --bit-period 11', '11.0 is not within'),
         ('ids', 'one of the arguments --count --check is required'),
         ('ids --count 3 --check 3,17', 'not allowed with'),
+        ('decode bag --max-packts=3', '--max-packts=3; did you mean --max-packets?'),
         ('ids --check 3,,17', "'3,,17' is no list of IDs such as 3,17,42"),
     ],
 )

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import unittest
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -25,11 +26,13 @@ from harness_launch import SCRIPT
 from harness_observer import Observer
 
 NAMESPACE = f'wrongly_launched_{os.getpid()}_'
+EMPTY = Path(tempfile.mkdtemp(), 'empty_section.yaml')
+EMPTY.write_text('/**:\n  ros__parameters: {}\n/**/driver:\n')
 _AT_ONCE = 3
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
     'landmarks': ['localize:=perhaps', 'params_file:=/etc/passwd', 'params_file:=/nowhere'],
-    'retrolidar': ['marker_file:=/nowhere.yaml'],
+    'retrolidar': ['marker_file:=/nowhere.yaml', f'params_file:={EMPTY}'],
     'two_sensors': ['right_emulate:=nowhere', 'marker_file:=/etc/passwd'],
     'drone': ['edge:=wide', 'ports:=[a', 'sensors:=2', 'marker_file:=/nowhere.yaml'],
     'hall': ['names:=left', 'rviz:=perhaps'],
