@@ -24,7 +24,7 @@ class Parser(argparse.ArgumentParser):
     """Prints an error in one line, and the help of the option."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse arguments; one that is unknown is an error of the subcommand, not of the command."""
+        """Parse arguments; one that is unknown is an error of the subcommand."""
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             near = get_close_matches(unknown[0].partition('=')[0], self._option_string_actions, n=1)
