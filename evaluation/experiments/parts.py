@@ -2,15 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each part of the decision gains: the detector with and without it."""
 
-import json
 import math
 import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from hashlib import sha256
-from pathlib import Path
-from tempfile import gettempdir
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +14,6 @@ import numpy as np
 from evaluation.bench import core_trial
 from evaluation.bench.core_parts import PARTS, SETS, Part, check_parts, names_of
 from evaluation.bench.core_process import call_with
-from evaluation.experiments.false_ids import revision
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
@@ -38,7 +33,6 @@ FAMILIES = {
 _NEGATIVE = ('appearing', 'range', 'bearing', 'ellipsoid')  # times and errors
 _WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
 _HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
-_KEPT = Path(gettempdir()) / 'retrolidar_core_parts'
 
 
 def _changes(off: str) -> list[Part]:
@@ -46,16 +40,8 @@ def _changes(off: str) -> list[Part]:
 
 
 def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
-    """Measure without a part, or read what an interrupted run has left."""
-    changes, source = _changes(off), Path(core_trial.__file__).read_text(encoding='utf-8')
-    content = f'{revision()} {changes} {seed} {times}\n{source}'
-    kept = _KEPT / f'{sha256(content.encode()).hexdigest()}.json'
-    if kept.exists():
-        row: dict[str, Any] = json.loads(kept.read_text(encoding='utf-8'))
-    else:
-        row = call_with(changes, f'{core_trial.__name__}.measure', seed, times)
-        _KEPT.mkdir(exist_ok=True)
-        kept.write_text(json.dumps(row), encoding='utf-8')
+    """Measure without a part, in a process of its own."""
+    row: dict[str, Any] = call_with(_changes(off), f'{core_trial.__name__}.measure', seed, times)
     print(f'measured {f"without {off}" if off else "as it is"}', file=sys.stderr, flush=True)
     return row
 
