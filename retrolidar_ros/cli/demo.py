@@ -17,7 +17,7 @@ from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.files import find_scene, load_scene
-from retrolidar_ros.scene.truth import MAX_RANGE_ERROR_M, judge, table
+from retrolidar_ros.scene.truth import judge, table
 from retrolidar_ros.settings.resources import shared_file
 
 if TYPE_CHECKING:
@@ -142,8 +142,6 @@ def run_still(scene: Scene, file: Path, picture: Path, listener: Listener) -> in
     plot_readings(recording, readings, picture, title=scene.description, markers=scene.markers)
     print(f'picture: {picture}')
     good = [outcome for outcome in outcomes if outcome.good]
-    print(
-        f'{len(good)} of {len(scene.markers)} markers read, the range within '
-        f'{MAX_RANGE_ERROR_M * 1e3:.0f} mm and the position within its 99.9 % ellipsoid'
-    )
+    said = f'{len(good)} of {len(scene.markers)} markers read'
+    print(f'{said}, the position within its 99.9 % ellipsoid')
     return 0 if len(good) == len(scene.markers) else 1

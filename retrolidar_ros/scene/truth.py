@@ -15,7 +15,6 @@ from retrolidar_ros.scene.laboratory import seen_from
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
-MAX_RANGE_ERROR_M = 0.01
 RARE = 16.266  # squared distance, in deviations, that holds 99.9 % of a normal in space
 PACKET_S = PACKET_BITS * BIT_PERIOD_S
 
@@ -37,9 +36,8 @@ class Outcome(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """Whether a marker was read, is in TF, and range and position are as sure as they say."""
-        is_ranged = self.readings > 0 and abs(self.error_m) < MAX_RANGE_ERROR_M
-        return is_ranged and self.has_transforms and self.is_placed
+        """Whether a marker was read, is in TF, and is where its covariances say."""
+        return self.readings > 0 and self.has_transforms and self.is_placed
 
 
 def true_position(scene: Scene, marker: Marker, recording: Recording, stamps: Floats) -> Floats:
