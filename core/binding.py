@@ -19,10 +19,9 @@ HEADERS = tuple(
         'sensor',
         'receive',
         'decide',
-        'detector',
         'bearing',
+        'detector',
         'ranging',
-        'placement',
         'pose',
         'tracks',
     )

@@ -8,10 +8,10 @@
 /* Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
  * the sharpener's setting, and a moving marker blurs its own spot.
  */
-enum { BLURS = 7, NEAR = 3, AXES = 2 };
+enum { AXES = 2 };
 /* A known blur is so to this share of it; a moving marker has some chance of another. */
 static const double BLUR_DOUBT = 0.3, SMEARED = 1e-3;
-static const double BLUR[BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
+static const double BLUR[RL_BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
 /* Places that are tried across the strongest zone and a bit beyond, so many from each of these to
  * the next; denser near the edges, where the shares of two zones differ.
  */
@@ -21,15 +21,29 @@ static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
 /* Share of the light by which a zone may deviate from the model. */
 static const double MODEL_ERROR = 0.02;
 static const double MIN_DOUBT = 1e-6; /* [kcps/SPAD] */
-static const double MAX_SCORE = 5.0, STEPS_A_SCORE = 100.0;
-static const double SQRT_2 = 1.4142135623730951, SQRT_2_PI = 2.5066282746310002;
+static const double SQRT_2 = 1.4142135623730951;
 /* Places that are less likely than the likeliest by more have no part [nats]. */
 static const double HOPELESS = 40.0;
 
-/* What each of three zones in a row sees of a marker. */
-struct shares {
-    double of[BLURS][RL_PLACES][NEAR];
-};
+/* Share out the light of a point among zones in a row, for each blur and place. How wide a marker is
+ * says no more than another blur would.
+ */
+static void share_out(struct rl_bearing_table *table)
+{
+    for (int blur = 0; blur < RL_BLURS; blur++) {
+        for (int place = 0; place < RL_PLACES; place++) {
+            double until = 0.0;
+            for (int edge = 0; edge <= RL_NEAR; edge++) {
+                const double distance = edge - RL_NEAR / 2.0 - table->place[place];
+                const double light = erfc(-distance / BLUR[blur] / SQRT_2) / 2;
+                if (edge > 0) {
+                    table->share[blur][place][edge - 1] = light - until;
+                }
+                until = light;
+            }
+        }
+    }
+}
 
 void rl_bearing_start(struct rl_bearing_table *table)
 {
@@ -45,56 +59,22 @@ void rl_bearing_start(struct rl_bearing_table *table)
         const int before = i > 0 ? i - 1 : 0, after = i + 1 < RL_PLACES ? i + 1 : i;
         table->prior[i] = (table->place[after] - table->place[before]) / (after - before);
     }
-    for (int i = 0; i < RL_SCORES; i++) {
-        const double score = fabs(i / STEPS_A_SCORE - MAX_SCORE);
-        table->ramp[i] = exp(-score * score / 2) / SQRT_2_PI - score * erfc(score / SQRT_2) / 2;
-    }
-}
-
-/* The integral of a blurred step up to a distance. */
-static double ramp(const struct rl_bearing_table *table, double distance, double blur)
-{
-    const double score = distance / blur + MAX_SCORE;
-    const double step = fmin(fmax(score * STEPS_A_SCORE, 0.0), RL_SCORES - 2);
-    const int before = (int)step;
-    const double excess =
-        table->ramp[before] + (step - before) * (table->ramp[before + 1] - table->ramp[before]);
-    return fmax(distance, 0.0) + blur * excess;
-}
-
-static void share_out(const struct rl_bearing_table *table, double width, struct shares *shares)
-{
-    for (int blur = 0; blur < BLURS; blur++) {
-        for (int place = 0; place < RL_PLACES; place++) {
-            double until = 0.0;
-            for (int edge = 0; edge <= NEAR; edge++) {
-                const double distance = edge - NEAR / 2.0 - table->place[place];
-                const double light = (ramp(table, distance + width / 2, BLUR[blur]) -
-                                      ramp(table, distance - width / 2, BLUR[blur])) /
-                                     width;
-                if (edge > 0) {
-                    shares->of[blur][place][edge - 1] = light - until;
-                }
-                until = light;
-            }
-        }
-    }
+    share_out(table);
 }
 
 /* How likely each place is, given each blur.
  *
  * precision: 1 over the variance of each light, 0 where there is no zone
  */
-static void believe(const struct rl_bearing_table *table, const struct shares *shares,
-                    const double light[NEAR], const double precision[NEAR],
-                    double belief[BLURS][RL_PLACES])
+static void believe(const struct rl_bearing_table *table, const double light[RL_NEAR],
+                    const double precision[RL_NEAR], double belief[RL_BLURS][RL_PLACES])
 {
     double most = 0.0;
-    for (int blur = 0; blur < BLURS; blur++) {
+    for (int blur = 0; blur < RL_BLURS; blur++) {
         for (int place = 0; place < RL_PLACES; place++) {
-            const double *share = shares->of[blur][place];
+            const double *share = table->share[blur][place];
             double common = 0.0, energy = 1e-30;
-            for (int i = 0; i < NEAR; i++) {
+            for (int i = 0; i < RL_NEAR; i++) {
                 common += share[i] * light[i] * precision[i];
                 energy += share[i] * share[i] * precision[i];
             }
@@ -103,7 +83,7 @@ static void believe(const struct rl_bearing_table *table, const struct shares *s
             most = fmax(most, belief[blur][place]);
         }
     }
-    for (int blur = 0; blur < BLURS; blur++) {
+    for (int blur = 0; blur < RL_BLURS; blur++) {
         for (int place = 0; place < RL_PLACES; place++) {
             const double less = belief[blur][place] - most;
             belief[blur][place] = less > -HOPELESS ? table->prior[place] * exp(less) : 0.0;
@@ -125,28 +105,26 @@ static double prior_of(double blur, double known)
 
 struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows, int32_t columns,
                                 int32_t zone, const double *amplitude, const double *variance,
-                                double width, double blur)
+                                double blur)
 {
     const int at[AXES] = {zone % columns, zone / columns}, most[AXES] = {columns, rows};
     const int apart[AXES] = {1, columns};
     const double doubt = fmax(MODEL_ERROR * amplitude[zone], MIN_DOUBT);
     struct rl_bearing bearing = {{0.0, 0.0}, {0.0, 0.0}};
-    struct shares shares;
-    double belief[BLURS][RL_PLACES];
-    share_out(table, width, &shares);
+    double belief[RL_BLURS][RL_PLACES];
     /* Neighbours across and down suffice: the shares of others are products of theirs. */
     for (int axis = 0; axis < AXES; axis++) {
-        double light[NEAR] = {0.0}, precision[NEAR] = {0.0};
-        for (int i = 0; i < NEAR; i++) {
+        double light[RL_NEAR] = {0.0}, precision[RL_NEAR] = {0.0};
+        for (int i = 0; i < RL_NEAR; i++) {
             const int other = zone + (i - 1) * apart[axis];
             if (at[axis] + i - 1 >= 0 && at[axis] + i - 1 < most[axis]) {
                 light[i] = amplitude[other];
                 precision[i] = 1.0 / (variance[other] + doubt * doubt);
             }
         }
-        believe(table, &shares, light, precision, belief);
+        believe(table, light, precision, belief);
         double total = 0.0, sum = 0.0, square = 0.0;
-        for (int i = 0; i < BLURS; i++) {
+        for (int i = 0; i < RL_BLURS; i++) {
             const double weight = prior_of(BLUR[i], blur);
             for (int place = 0; place < RL_PLACES; place++) {
                 const double chance = weight * belief[i][place];

@@ -15,13 +15,13 @@
 #include <stdint.h>
 
 /* binding */
-enum { RL_PLACES = 151, RL_SCORES = 1002 };
+enum { RL_PLACES = 151, RL_BLURS = 7, RL_NEAR = 3 };
 
 /* What does not depend on what was seen. */
 struct rl_bearing_table {
     double place[RL_PLACES]; /* that are tried, from the middle of a zone [widths of a zone] */
     double prior[RL_PLACES];
-    double ramp[RL_SCORES]; /* integral of a blurred step, less that of the unit step */
+    double share[RL_BLURS][RL_PLACES][RL_NEAR]; /* of the light, in zones in a row */
 };
 
 /* Across and down, from the middle of a zone [widths of a zone]. */
@@ -35,12 +35,11 @@ void rl_bearing_start(struct rl_bearing_table *table);
  *
  * amplitude, variance: modulation of each zone by the marker [kcps/SPAD], and its variance
  *     [(kcps/SPAD)^2]
- * width: of the marker [widths of a zone]
  * blur: of the optics, if it is known, else 0 [widths of a zone]
  */
 struct rl_bearing rl_bearing_of(const struct rl_bearing_table *table, int32_t rows, int32_t columns,
                                 int32_t zone, const double *amplitude, const double *variance,
-                                double width, double blur);
+                                double blur);
 /* end of binding */
 
 #endif

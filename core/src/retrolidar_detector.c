@@ -2,6 +2,7 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 #include "retrolidar_detector_state.h"
+#include "retrolidar_placement.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -93,6 +94,10 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
         rl_samples_push(&detector->samples, stamp, signal + at, distance + at, ambient + at,
                         status + at);
         rl_process_frame(detector);
+        for (int i = 0; i < detector->readings; i++) {
+            struct rl_reading *reading = &detector->reading[i];
+            reading->is_placed = rl_place(detector, reading, &reading->placement);
+        }
         if (detector->candidates > 0) {
             return frame + 1;
         }

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "retrolidar_bearing.h"
 #include "retrolidar_decide.h"
 #include "retrolidar_sensor.h"
 
@@ -22,6 +23,21 @@ struct rl_settings {
     struct rl_demands demands;
 };
 
+/* When and where a marker is. */
+struct rl_placement {
+    double range_m, range_variance; /* radial */
+    double time_s;             /* when it holds: the mean time of the samples that it is made of */
+    int64_t end_ns;            /* stamp of the last frame used */
+    struct rl_bearing bearing; /* from the middle of the strongest zone */
+    double amplitude, noise;   /* in that zone: by how much the signal rises with the light
+                                * [kcps/SPAD], and the variance of what the packet leaves over */
+    double score;              /* correlation of its samples with the light of the packet, 0 to 1 */
+    double likelihood;         /* the paper's l of the first whole preamble */
+    int32_t corrected_bits; /* of the last packet, which a receiver would take for the other ones */
+    int32_t zones;
+    int32_t zone[RL_MAX_READ]; /* that saw it, strongest first */
+};
+
 /* A packet that was read. */
 struct rl_reading {
     uint16_t id;
@@ -32,6 +48,8 @@ struct rl_reading {
     double evidence, margin; /* [nats] */
     int32_t zones;
     int32_t zone[RL_MAX_READ]; /* strongest first */
+    bool is_placed;            /* else no distance was measured */
+    struct rl_placement placement;
 };
 
 /* A packet that was judged, read or not. */

@@ -126,7 +126,6 @@ static void update_clock(struct rl_followed *followed, const struct rl_scenery *
 void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    const struct rl_sensor *sensor = scenery->sensor;
     const int strongest = rl_zone_strongest(followed->zone, samples->zones);
     double amplitude[RL_MAX_ZONES], variance[RL_MAX_ZONES];
     const double most = followed->zone[strongest].gain;
@@ -142,8 +141,6 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     if (!changed) {
         return;
     }
-    const double range_m = fmax(rl_range_estimate(&followed->range).range_m, RL_NEAREST_M);
-    const double size_m = (double)scenery->size_m[followed->id];
     variance[strongest] = 0.0;
     followed->crossed = strongest != followed->strongest ? 1.0 : followed->crossed;
     followed->strongest = strongest;
@@ -151,7 +148,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     memcpy(followed->amplitude, amplitude, sizeof amplitude);
     followed->bearing = rl_bearing_of(scenery->table, samples->rows_of_zones,
                                       samples->columns_of_zones, strongest, amplitude, variance,
-                                      size_m / sensor->zone_pitch / range_m, sensor->zone_blur);
+                                      scenery->sensor->zone_blur);
 }
 
 /* Find the range, then the samples of all zones, of which it says which are the marker's. */

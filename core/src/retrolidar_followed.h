@@ -58,7 +58,6 @@ struct rl_followed {
 struct rl_scenery {
     const struct rl_samples *samples;
     const struct rl_sensor *sensor;
-    const float *size_m; /* of the marker of each ID */
     const struct rl_bearing_table *table;
     int row;
     double step_s; /* since the frame before */

@@ -49,8 +49,8 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
  * beside: another packet that is taken to be there, if any
  */
 static struct rl_verdict decide_as_found(struct rl_detector *detector, int channel, int packets,
-                                const struct rl_hit *hit, const struct rl_hits *hits,
-                                const struct rl_verdict *beside, double to_s)
+                                         const struct rl_hit *hit, const struct rl_hits *hits,
+                                         const struct rl_verdict *beside, double to_s)
 {
     struct rl_demands demands = detector->settings.demands;
     struct rl_interference *interference = &detector->window.interference;
@@ -202,7 +202,8 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     struct rl_verdict other, verdict = decide(detector, pending->channel, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
     const bool may_hide =
-        pending->since_s < begin_s && pending->hits.reference == RL_NO_REFERENCE && detector->samples.channel[pending->channel].zones == 1 &&
+        pending->since_s < begin_s && pending->hits.reference == RL_NO_REFERENCE &&
+        detector->samples.channel[pending->channel].zones == 1 &&
         verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
         verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {

@@ -4,6 +4,7 @@
 #include "retrolidar_placement.h"
 
 #include "retrolidar_detector_state.h"
+#include "retrolidar_ranging.h"
 
 #include <math.h>
 
@@ -230,7 +231,7 @@ static int32_t corrected_bits(const struct rl_seen *seen, const struct rl_readin
     return corrected;
 }
 
-bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, double size_m,
+bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement)
 {
     const struct rl_samples *samples = &detector->samples;
@@ -253,8 +254,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading, do
     placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
-                      strongest, amplitude.of, amplitude.variance,
-                      size_m / sensor->zone_pitch / placement->range_m, sensor->zone_blur);
+                      strongest, amplitude.of, amplitude.variance, sensor->zone_blur);
     look_at(detector, &seen, first, strongest);
     placement->likelihood = likelihood_of(&seen, reading);
     placement->corrected_bits = corrected_bits(&seen, reading);

@@ -128,8 +128,9 @@ int rl_presence_update(struct rl_presence *presence, const struct rl_glance *gla
     }
     const double *chance = presence->chance;
     const double gone = exp(fmin((presence->unseen_bits - GONE_BITS) / GONE_STEP_BITS, 700.0));
-    const double other = (chance[OTHER_DARK] + chance[OTHER_BRIGHT]) /
-                         (chance[SAME] + chance[HIDDEN] + chance[BESIDE_DARK] + chance[BESIDE_BRIGHT]);
+    const double others = chance[OTHER_DARK] + chance[OTHER_BRIGHT];
+    const double other =
+        others / (chance[SAME] + chance[HIDDEN] + chance[BESIDE_DARK] + chance[BESIDE_BRIGHT]);
     presence->log_odds = -log(gone + other);
     return seen;
 }

@@ -5,7 +5,8 @@
  *
  * Each frame the light that was seen is held against the light that was predicted. A hidden Markov
  * model weighs six explanations: as predicted; hidden; beside another marker, dark or bright, that
- * is unknown; and of other bits, dark or bright. What stays unseen for too long is gone, whatever hides it.
+ * is unknown; and of other bits, dark or bright. What stays unseen for too long is gone, whatever
+ * hides it.
  */
 #ifndef RETROLIDAR_PRESENCE_H
 #define RETROLIDAR_PRESENCE_H

@@ -14,7 +14,7 @@ static const double LAG_S = 0.03;
 
 enum { MAX_ROWS = 64 }; /* from one call to the next */
 
-struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *size_m)
+struct rl_tracks *rl_tracks_create(struct rl_detector *detector)
 {
     const size_t rows = (size_t)detector->samples.capacity;
     const size_t a_row = sizeof(double) + sizeof(float);
@@ -28,7 +28,6 @@ struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *si
     tracks->scenery = (struct rl_scenery){
         .samples = &detector->samples,
         .sensor = &detector->samples.sensor,
-        .size_m = size_m,
         .table = &detector->bearing,
     };
     tracks->origin_ns = RL_NO_FRAME;

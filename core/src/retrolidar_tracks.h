@@ -32,10 +32,8 @@ struct rl_track_counts {
 
 struct rl_tracks;
 
-/* Memory is taken here and never after; NULL if there is none. The detector, and the sizes of the
- * markers of all IDs, are to be kept.
- */
-struct rl_tracks *rl_tracks_create(struct rl_detector *detector, const float *size_m);
+/* Memory is taken here and never after; NULL if there is none. The detector is to be kept. */
+struct rl_tracks *rl_tracks_create(struct rl_detector *detector);
 void rl_tracks_destroy(struct rl_tracks *tracks);
 
 /* Follow all markers to the frame that the detector has taken last, and begin with those that it

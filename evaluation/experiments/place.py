@@ -11,9 +11,8 @@ from evaluation.report.chart_style import OTHERS, label, legend_below, line, new
 from evaluation.report.claims import Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Sensor, Surface
+from retrolidar_ros.scene.description import MARKER_SIZE_M, Marker, Sensor, Surface
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR
 
@@ -26,7 +25,7 @@ _QUICK_MARKERS = 60
 # From a wall that a marker merges with to one that the sensor separates.
 _BEHIND_M = (0.005, 1.5)
 _WALL_SIGNALS = (1.0, 40.0)  # [kcps/SPAD]
-LARGE_M = 0.1  # a marker of which the size may be told
+_LARGE_M = 0.1
 _NAMES = {'alone': 'alone in a zone', 'between': 'between zones'}
 
 
@@ -57,7 +56,7 @@ def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:
     return bool(across), bool(down)
 
 
-def _error(scene: Scene, rng: np.random.Generator, **options: Any) -> tuple[Any, ...] | None:
+def _error(scene: Scene, rng: np.random.Generator) -> tuple[Any, ...] | None:
     """Return the errors of the first reading of the only marker; None if it is not read.
 
     These are the squared distance in standard deviations, the range [m], and, across and down,
@@ -66,7 +65,7 @@ def _error(scene: Scene, rng: np.random.Generator, **options: Any) -> tuple[Any,
     (marker,) = scene.markers
     grid = scene.sensor.grid
     recording = Simulation(scene, rng).run(DURATION_S)
-    for one in create_detector('joint', grid, **options).update_all(recording):
+    for one in create_detector('joint', grid).update_all(recording):
         if one.id == marker.id:
             truth_m = np.array(marker.position_m)
             wrong = place_error(one.place, truth_m)
@@ -97,42 +96,29 @@ def _figures(blur: float, rows: list[tuple[Any, ...] | None]) -> dict[str, Any]:
     }
 
 
-def _bearing_deg(told: bool, markers: int, seed: int) -> float | None:
-    """Return the error of bearings of large markers, with their size told or not."""
-    rng = np.random.default_rng(seed)
-    errors: list[float] = []
-    for _ in range(markers):
-        scene = random_scene(_BLURS[0], rng, LARGE_M)
-        sizes = {'marker_sizes_m': {one.id: LARGE_M for one in scene.markers}} if told else {}
-        found = _error(scene, rng, **sizes)
-        errors += [] if found is None else found[2].tolist()
-    return rms(errors)
-
-
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors and coverage of markers alone in a zone and between zones, by blur."""
     markers = _QUICK_MARKERS if quick else 600
-    blurs = [
-        _figures(blur, [_error(random_scene(blur, rng), rng) for _ in range(markers)])
-        for blur in _BLURS
-    ]
-    seed = int(rng.integers(2**31))
-    told = [_bearing_deg(told, markers // 4, seed) for told in (False, True)]
-    return {'blurs': blurs, 'size_told_deg': told}
+
+    def of(blur: float, size_m: float = MARKER_SIZE_M) -> dict[str, Any]:
+        return _figures(
+            blur, [_error(random_scene(blur, rng, size_m), rng) for _ in range(markers)]
+        )
+
+    return {'blurs': [of(blur) for blur in _BLURS], 'large': of(_BLURS[0], _LARGE_M)}
 
 
 def table(figures: dict[str, Any]) -> Table:
     """Return errors and coverage, by blur and by how many zones see the marker."""
     heads = ['blur: share of a zone', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid']
     rows = [[*heads, 'median range error [mm]']]
-    for row in figures['blurs']:
+    for row in [*figures['blurs'], figures['large']]:
+        size = '' if row is not figures['large'] else f'{100 * _LARGE_M:g} cm, '
         for name, words in _NAMES.items():
             cells = [as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg')]
             cells += [percent(row['ellipsoid_holds'][name])]
             cells += [as_text(1e3 * row['range_median_m'], '', 1)]
-            rows.append([f'{words}, blur {row["blur"]:.0%}', *cells])
-    for words, error in zip(('not told', 'told'), figures['size_told_deg'], strict=True):
-        rows.append([f'{100 * LARGE_M:g} cm, size {words}', as_text(error, '°'), '', '', ''])
+            rows.append([f'{size}{words}, blur {row["blur"]:.0%}', *cells])
     return rows
 
 

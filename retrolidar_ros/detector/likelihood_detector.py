@@ -3,7 +3,6 @@
 """The default detector: the core (`core/src/retrolidar_detector.h`) searches and decides."""
 
 from collections import Counter, deque
-from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
@@ -14,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
 from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
-from retrolidar_ros.detector.placement import core_sensor, placed
+from retrolidar_ros.detector.placement import core_sensor, detection_of
 from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
 from retrolidar_ros.marker.code import PACKET_BITS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
@@ -108,13 +106,11 @@ class LikelihoodDetector:
         false_ids_per_hour: float,
         max_packets: int,
         registered_ids: ArrayLike | None,
-        sizes_m: Mapping[int, float],
         sensor: SensorModel,
     ) -> None:
         """Prepare for frames of `grid`; parameters as of `create_detector`."""
         self.candidates: list[Candidate] = []  # candidates judged in the latest update
         self._grid = replace(grid, view=sensor.field_of_view)
-        self._sizes_m = sizes_m
         self._unplaced = 0
         self._rejections = Rejections(grid)
         ids = usable_ids(registered_ids)
@@ -141,7 +137,7 @@ class LikelihoodDetector:
     def follow(self, frame: Frame) -> list[Track]:
         """Return the markers at the newest frame, followed from the first call on."""
         if self._tracker is None:
-            self._tracker = Tracker(self._core, self._grid, self._sizes_m)
+            self._tracker = Tracker(self._core)
         return self._tracker.follow(frame.stamp_ns)
 
     @property
@@ -211,12 +207,11 @@ class LikelihoodDetector:
             )
         detections = []
         for reading in newest.reading[0 : newest.readings]:
-            size_m = self._sizes_m.get(reading.id, MARKER_SIZE_M)
-            detection = placed(self._core, reading, size_m, self._grid, self._sensor)
-            if detection is None:
-                self._unplaced += 1
+            if reading.is_placed:
+                origin_ns = held.origin_ns
+                detections.append(detection_of(reading, origin_ns, self._grid, self._sensor))
             else:
-                detections.append(detection)
+                self._unplaced += 1
         self._rejections.take(self.candidates[before:], detections, now_ns)
         return detections
 

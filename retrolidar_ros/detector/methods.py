@@ -3,7 +3,6 @@
 """The detection methods by name."""
 
 import math
-from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
@@ -28,7 +27,6 @@ def create_detector(
     false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
     max_packets: int = MAX_PACKETS,
     registered_ids: ArrayLike | None = None,
-    marker_sizes_m: Mapping[int, float] | None = None,
     sensor: SensorModel = VL53L8CX,
 ) -> Detector:
     """Return a new detector; ValueError if there is no such method, or a parameter is impossible.
@@ -50,8 +48,6 @@ def create_detector(
     registered_ids : array of int, optional
         The only IDs that are read; the fewer, the farther. Method `paper` drops others after
         decoding, and its reach stays the same.
-    marker_sizes_m : mapping, optional
-        Edges of markers by their IDs [m]; others have 3 cm (method `joint`).
     sensor : SensorModel
         Noise, optics and limits of the sensor (method `joint`).
     """
@@ -78,6 +74,5 @@ def create_detector(
         false_ids_per_hour=false_ids_per_hour,
         max_packets=max_packets,
         registered_ids=registered_ids,
-        sizes_m={} if marker_sizes_m is None else marker_sizes_m,
         sensor=sensor,
     )

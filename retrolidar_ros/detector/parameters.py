@@ -98,7 +98,6 @@ class DetectorSettings:
             false_ids_per_hour=values['false_ids_per_hour'],
             max_packets=values['max_packets'],
             registered_ids=self.registered or None,
-            marker_sizes_m={marker.id: marker.size_m for marker in self.known.values()},
             sensor=replace(
                 VL53L8CX,
                 field_of_view=pitch * grid.columns if pitch else VL53L8CX.field_of_view,

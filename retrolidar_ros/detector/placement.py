@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The place of a reading, as the core computes it."""
+"""A reading as the core has placed it."""
 
 import math
 from typing import Any
@@ -39,14 +39,9 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
     return ffi.new('struct rl_sensor *', fields)
 
 
-def placed(
-    core: Any, reading: Any, size_m: float, grid: ZoneGrid, sensor: SensorModel
-) -> Detection | None:
-    """Return a reading of a core's newest frame; None where no distance was measured."""
-    where = ffi.new('struct rl_placement *')
-    if not lib.rl_place(core, ffi.addressof(reading), size_m, where):
-        return None
-    origin_ns = lib.rl_detector_held(core).origin_ns
+def detection_of(reading: Any, origin_ns: int, grid: ZoneGrid, sensor: SensorModel) -> Detection:
+    """Return a reading that is placed, whose times are since an origin."""
+    where = reading.placement
     zones = tuple(where.zone[0 : where.zones])
     seen, pitch = where.bearing, grid.pitch
     bearing = Bearing(

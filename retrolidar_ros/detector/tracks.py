@@ -3,17 +3,14 @@
 """Tracks: the place of every marker that was read, at every frame, as the core follows it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.core import array, ffi, lib
+from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.detector.place import Bearing, Place, place
-from retrolidar_ros.marker.code import IDS
-from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats
 
 MAX_TRACKS = int(lib.RL_MAX_TRACKS)
 _ACROSS_M_S = 0.5  # deviation of a velocity across the line of sight, which is not measured
@@ -45,12 +42,10 @@ class TrackCounts(NamedTuple):
 class Tracker:
     """Follows the markers that a core reads; call `follow` after every frame."""
 
-    def __init__(self, core: Any, grid: ZoneGrid, sizes_m: Mapping[int, float]) -> None:
-        """Follow what a core reads in the zones of `grid`; the rest is as of `create_detector`."""
-        sizes = np.full(IDS, MARKER_SIZE_M)
-        sizes[list(sizes_m)] = list(sizes_m.values())
-        self._kept = core, array('float', sizes)
-        tracks = lib.rl_tracks_create(*self._kept)
+    def __init__(self, core: Any) -> None:
+        """Follow what a core reads."""
+        self._core = core
+        tracks = lib.rl_tracks_create(core)
         if tracks == ffi.NULL:
             raise MemoryError('no memory for tracks')
         self._tracks = ffi.gc(tracks, lib.rl_tracks_destroy)
@@ -64,7 +59,7 @@ class Tracker:
     def follow(self, stamp_ns: int) -> list[Track]:
         """Follow all markers to the frame that the core has taken last; return them."""
         count = lib.rl_tracks_follow(self._tracks)
-        origin_ns = lib.rl_detector_held(self._kept[0]).origin_ns if count else 0
+        origin_ns = lib.rl_detector_held(self._core).origin_ns if count else 0
         return [
             _track(lib.rl_tracks_track(self._tracks, index), stamp_ns, origin_ns)
             for index in range(count)

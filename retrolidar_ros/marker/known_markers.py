@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Marker files: names and sizes of the markers that a robot knows."""
+"""Marker files: names and places of the markers that a robot knows."""
 
 import re
 from collections.abc import Mapping
@@ -18,12 +18,10 @@ from retrolidar_ros.settings.section import (
     Triple,
     mapping,
     place,
-    quantity,
     text,
 )
 from retrolidar_ros.settings.yaml_files import load_parsed
 
-MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')  # TF accepts no leading slash
 _MAX_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name
 _USUAL_FRAME = re.compile(r'marker_([0-9]+)')
@@ -49,7 +47,6 @@ class KnownMarker:
     id: int
     frame: Annotated[str, _frame] = ''  # its TF frame; if none is given, named by its ID
     note: Annotated[str, text] = ''
-    size_m: Annotated[float, quantity('length', 1e-3, 1)] = MARKER_SIZE_M  # edge of its square
     object: Annotated[str, _frame] = ''  # what it is fixed to; empty: it is an object of its own
     place_m: Annotated[Triple, place(100)] = (0.0, 0.0, 0.0)  # where on that
 

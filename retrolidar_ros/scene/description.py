@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Annotated, Any, TypeAlias
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
-from retrolidar_ros.marker.known_markers import MARKER_SIZE_M
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.sensor.frame import GRIDS, ZoneGrid
 from retrolidar_ros.settings.section import (
@@ -25,6 +24,7 @@ from retrolidar_ros.settings.section import (
 )
 
 NEAREST_M = 1e-3
+MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)
 SIGNAL_AT_1_M = 360.0
 """Of 9 cm² facing the sensor [kcps/SPAD], from paper §3.2 and §4: a bare retroreflector of that
 size returns 100.4 times what a board does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers

@@ -16,7 +16,7 @@ from cffi import FFI
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from harness_core import KEPT, declarations
-from invariants import check, follow_all, place_all
+from invariants import check, check_places, follow_all
 from numpy.typing import NDArray
 
 from retrolidar_ros.core import ffi as core_ffi
@@ -34,7 +34,6 @@ MOST_AT_ONCE = 64
 ffi = FFI()
 declared: set[str] = set()
 ffi.cdef(declarations('retrolidar_detector_state.h', declared))
-ffi.cdef(declarations('retrolidar_placement.h', declared))
 ffi.cdef(declarations('retrolidar_tracks.h', declared))
 ffi.cdef('void *malloc(size_t); void free(void *);')
 
@@ -220,8 +219,7 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
     detector = lib.rl_detector_create(in_c, ffi.from_buffer('uint16_t[]', ids), len(ids))
     assert detector
     blocks = isolate(lib, libc, detector)
-    sizes = ffi.new('float[4096]', [0.03] * 4096)
-    tracks = lib.rl_tracks_create(detector, sizes)
+    tracks = lib.rl_tracks_create(detector)
     assert tracks
     arrays = frames_of(rng, settings, ids, count)
     kinds = ('int64_t', 'float', 'float', 'float', 'uint8_t')
@@ -238,7 +236,7 @@ def try_one(lib: Any, libc: Any, seed: int, count: int) -> str:
             newest = lib.rl_detector_newest(detector)
             read += newest.readings
             candidates += newest.candidates
-            place_all(ffi, lib, detector)
+            check_places(lib, detector)
             follow_all(lib, tracks)
         check(ffi, lib, detector, settings, ids)
     lib.rl_tracks_destroy(tracks)

@@ -56,13 +56,13 @@ def check(
         assert all(0 <= zone < zones for zone in one.zone[0 : one.zones])
 
 
-def place_all(ffi: FFI, lib: Any, detector: Any) -> None:
-    """Ask of every reading what the package asks."""
-    placed = ffi.new('struct rl_placement *')
+def check_places(lib: Any, detector: Any) -> None:
+    """Check what must hold of the place of every reading."""
     newest = lib.rl_detector_newest(detector)
     for one in newest.reading[0 : newest.readings]:
-        if not lib.rl_place(detector, ffi.addressof(one), 0.03, placed):
+        if not one.is_placed:
             continue
+        placed = one.placement
         assert 0 < placed.range_m < 20
         assert 0 < placed.range_variance < np.inf
         assert np.isfinite(placed.amplitude)

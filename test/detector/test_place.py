@@ -22,6 +22,7 @@ from retrolidar_ros.sensor.rotation import matrix_of
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 SPOT = 0.03  # of a marker of 3 cm in 1 m, as a tangent
+POINT = 1e-4
 
 
 @pytest.mark.parametrize('grid', GRIDS)
@@ -68,7 +69,7 @@ def shared_bearing(zone: int, light: Floats, variance: Floats, grid: ZoneGrid) -
     table = ffi.new('struct rl_bearing_table *')
     lib.rl_bearing_start(table)
     arrays = (ffi.from_buffer('double[]', values) for values in (light, variance))
-    seen = lib.rl_bearing_of(table, grid.rows, grid.columns, zone, *arrays, SPOT / grid.pitch, 0.0)
+    seen = lib.rl_bearing_of(table, grid.rows, grid.columns, zone, *arrays, 0.0)
     mean, spread = np.array(list(seen.mean)), np.array(list(seen.variance))
     return Bearing(grid.tangents[zone] + grid.pitch * mean, grid.pitch**2 * spread)
 
@@ -130,7 +131,7 @@ def test_a_bearing_is_the_mean_of_all_that_agree_with_shares(share: float, stdde
     positions_m = np.stack([across, np.full(301, grid.tangents[5][1]), np.ones(301)], axis=-1)
     nats = []
     for blur in (0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35):
-        seen = zone_shares(positions_m, SPOT, grid, blur)[:, 4:7]
+        seen = zone_shares(positions_m, POINT, grid, blur)[:, 4:7]
         common, energy = seen @ light[4:7], (seen**2).sum(axis=1)
         # A zone deviates from the model by 2 % of the brightest.
         evidence = np.maximum(common, 0) ** 2 / energy / 2 / (stddev**2 + 2.0**2)

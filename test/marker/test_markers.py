@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from retrolidar_ros.marker.code import IDS
 from retrolidar_ros.marker.known_markers import (
-    MARKER_SIZE_M,
     KnownMarker,
     frame_of,
     load_markers,
@@ -24,13 +23,11 @@ ids = st.integers(1, IDS - 2)
 frames = st.text('azAZ09_.-/', min_size=1, max_size=9).filter(lambda name: name[0] != '/')
 
 
-def test_a_marker_says_its_frame_note_size_and_place_or_has_defaults() -> None:
-    said = {'frame': 'mug', 'note': 'on the table', 'size': '25 mm'}
-    known = parse_markers({'markers': {5: said, 6: {'size': '0.1 m'}, 7: {'size': '3.5cm'}, 8: {}}})
-    assert known[5] == KnownMarker(5, 'mug', 'on the table', 0.025)
-    assert known[6] == KnownMarker(6, 'marker_6', '', 0.1)
-    assert known[7].size_m == pytest.approx(0.035)
-    assert known[8] == KnownMarker(8, 'marker_8', '', 0.03)
+def test_a_marker_says_its_frame_note_and_place_or_has_defaults() -> None:
+    said = {'frame': 'mug', 'note': 'on the table'}
+    known = parse_markers({'markers': {5: said, 8: {}}})
+    assert known[5] == KnownMarker(5, 'mug', 'on the table')
+    assert known[8] == KnownMarker(8, 'marker_8', '')
     assert parse_markers({'markers': {}}) == {}
     tray = {'object': 'tray', 'place': ['10 cm', '-5 mm', '0 m']}
     objects = objects_of(parse_markers({'markers': {5: tray, 6: {}}}))
@@ -58,9 +55,8 @@ FIELDS = [
     ('object', 'x' * 300, 'a name of 300 characters is too long; 100 are the most'),
     *(('note', value, f'{value!r} is not a text') for value in ('', None, ['a'])),
     ('frames', 'x', 'unknown key; did you mean frame?'),
-    ('colour', 'x', 'unknown key; known are frame, note, size, object, place'),
-    ('size', '3', "'3' has no unit; write 3 m"),
-    ('size', '2 m', "'2 m' is impossible; at most 1"),
+    ('colour', 'x', 'unknown key; known are frame, note, object, place'),
+    ('size', '3 cm', 'unknown key; known are frame, note, object, place'),
     ('place', ['1 m'], 'needs x, y and z, not 1 values'),
     *(
         ('frame', f'marker_{other}', f'marker_{other} is what marker {other} is called')
@@ -102,10 +98,10 @@ def test_a_file_may_write_an_id_in_any_base_but_once(tmp_path: Path) -> None:
     file = tmp_path / 'some.yaml'
     with pytest.raises(FileNotFoundError):
         load_markers(file)
-    file.write_text('markers:\n  0x819: {frame: beans}\n  2096: {size: 5 cm}\n')
+    file.write_text('markers:\n  0x819: {frame: beans}\n  2096: {note: mug}\n')
     assert load_markers(file) == {
         2073: KnownMarker(2073, 'beans'),
-        2096: KnownMarker(2096, 'marker_2096', '', 0.05),
+        2096: KnownMarker(2096, 'marker_2096', 'mug'),
     }
     file.write_text('markers:\n  0x819: {}\n  2073: {}\n')
     with pytest.raises(ConfigError, match='key 2073 stands here a second time'):
@@ -118,4 +114,3 @@ def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:
     assert {one: marker.frame for one, marker in known.items()} == scenes
     for marker in known.values():
         assert marker.note
-        assert marker.size_m == pytest.approx(MARKER_SIZE_M)
