@@ -76,6 +76,7 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
         pytest.param(8110, 9, id='bits not known'),
         pytest.param(10301, 63, id='bits not known of what appeared'),
         pytest.param(10001, 169, id='preamble'),
+        pytest.param(10731, 15, id='preamble not known'),
         pytest.param(10506, 154, id='sums of zones'),
     ],
 )
@@ -83,7 +84,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
     """By what each room is named for: of rivals, interferers and the word test."""
     scored = play(number, seed).scored
     assert scored.wrong == []
-    assert sum(scored.read) >= 8
+    assert sum(scored.read) >= min(8, len(scored.read))
 
 
 @pytest.mark.parametrize(
