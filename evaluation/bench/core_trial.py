@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the imported core reads, scene by scene, and its processor time for a frame."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -89,10 +89,10 @@ def measure(seed: int, times: float) -> dict[str, Any]:
             yield np.random.default_rng([seed, family, number])
 
     def rooms(
-        first: int, count: int, makes: list[Callable[[np.random.Generator], Room]]
-    ) -> list[Outcome]:
+        first: int, count: int, makes: Sequence[Callable[[np.random.Generator], Room]]
+    ) -> list[RoomResult]:
         return [
-            _outcome(play_room(0, make(rng), rng))
+            play_room(0, make(rng), rng)
             for index, make in enumerate(makes)
             for rng in rngs(first + index, count)
         ]
@@ -105,17 +105,14 @@ def measure(seed: int, times: float) -> dict[str, Any]:
             (block,) = member.blocks(_STRETCH_S, rng)
             silent.append(Outcome(0, 0, len(detector.update_all(block))))
     played = [play(number, seed) for number in range(max(1, round(_ROOMS * times)))]
-    places = [_placed(result) for result in played]
+    kinds = product(_SENDINGS, _RATIOS)
+    pairs = rooms(10, _PAIRS, [partial(families.pair, ratio, kind) for kind, ratio in kinds])
+    speeds = [partial(families.crossing, speed, 20.0) for speed in _SPEEDS_M_S]
+    places = [_placed(result) for result in (*played, *pairs)]
     return {
         'rooms': [_outcome(result) for result in played],
-        'pairs': rooms(
-            10,
-            _PAIRS,
-            [partial(families.pair, ratio, kind) for kind, ratio in product(_SENDINGS, _RATIOS)],
-        ),
-        'crossing': rooms(
-            30, _CROSSING, [partial(families.crossing, one, 20.0) for one in _SPEEDS_M_S]
-        ),
+        'pairs': [_outcome(result) for result in pairs],
+        'crossing': [_outcome(result) for result in rooms(30, _CROSSING, speeds)],
         'appearing': [
             _appearing(*kind, rng)
             for index, kind in enumerate(product(_REGISTERED, _SIGNALS))

@@ -52,6 +52,17 @@ def test_two_in_a_zone_are_read(ratio: float, sendings: tuple[str, str], least: 
     assert wrong == 0
 
 
+def test_a_fainter_marker_in_the_same_zone_has_a_range_of_its_own() -> None:
+    """By the light of the other marker, which is fitted along."""
+    off_m = []
+    for number in range(5):
+        rng = np.random.default_rng([77, 7, number])
+        room = room_families.pair(0.5, ('repeating', 'repeating'), rng)
+        off_m += [abs(one.error.range_m) for one in play_room(0, room, rng).scored.placed]
+    assert len(off_m) >= 80
+    assert np.median(off_m) < 0.01
+
+
 def test_packets_of_ever_other_ids_are_not_taken_for_others() -> None:
     """By the margin over rivals."""
     read, wrong = played(lambda rng: room_families.ten_packets(150.0, rng), 1, 3)
