@@ -62,8 +62,8 @@ static void lay_others(const struct rl_detector *detector, const struct rl_readi
 {
     const struct rl_pool *pool = &detector->pool;
     seen->others = 0;
-    for (int i = 0; i < RL_POOL && i < pool->added && seen->others < RL_MAX_OTHERS; i++) {
-        const struct rl_active_track *track = &pool->track[(pool->added - 1 - i) % RL_POOL];
+    for (int i = pool->count - 1; i >= 0 && seen->others < RL_MAX_OTHERS; i--) {
+        const struct rl_active_track *track = &pool->track[i];
         if (track->id != reading->id && (track->zones >> zone & 1u) != 0 &&
             track->train.end_s > reading->begin_s && track->train.begin_s < reading->end_s) {
             rl_train_light(&track->train, true, seen->begin_s, seen->end_s, seen->rows,
@@ -136,8 +136,8 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     placement->zones = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         const bool has_part = saw[zone] && amplitude->of[zone] >= RL_MIN_PART * most;
-        if ((has_part || zone == read) && placement->zones < RL_MAX_READ) {
-            rl_add_zone(placement->zone, &placement->zones, zone, amplitude->of);
+        if (has_part || zone == read) {
+            rl_add_zone(placement->zone, &placement->zones, RL_MAX_READ, zone, amplitude->of);
         }
     }
 }
@@ -147,7 +147,8 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
                        struct rl_seen *seen, int first, struct rl_placement *placement)
 {
     const double *z_per_range = seen->sensor->z_per_range;
-    double precision = 0.0, range_m = 0.0, time_s = 0.0;
+    double precision = 0.0, range_m = 0.0, squares = 0.0, time_s = 0.0, common = 0.0;
+    int found = 0;
     for (int i = 0; i < placement->zones; i++) {
         const int zone = placement->zone[i];
         struct rl_ranged ranged;
@@ -157,9 +158,14 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
         lay_others(detector, reading, zone, seen);
         if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
             /* The sensor's own projection has the factor of the zone and not of the target. */
-            const double weight = z_per_range[zone] * z_per_range[zone] / ranged.variance;
+            const double square = z_per_range[zone] * z_per_range[zone];
+            const double weight = square / ranged.variance;
             precision += weight;
-            range_m += weight * ranged.depth_m / z_per_range[zone];
+            common += weight * sqrt(ranged.common / square);
+            const double zone_m = ranged.depth_m / z_per_range[zone];
+            range_m += weight * zone_m;
+            squares += weight * zone_m * zone_m;
+            found++;
             time_s += weight * ranged.time_s;
         }
     }
@@ -167,7 +173,10 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
         return false;
     }
     placement->range_m = range_m / precision;
-    placement->range_variance = 1.0 / precision;
+    common /= precision;
+    /* Zones that differ by more than their variances say how sure they are (Birge 1932). */
+    const double spread = (squares - range_m * range_m / precision) / fmax(found - 1, 1);
+    placement->range_variance = fmax(spread, 1.0) / precision + common * common;
     placement->time_s = time_s / precision;
     return true;
 }

@@ -65,40 +65,72 @@ static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, doubl
                       chance * (1 - chance) * apart_m * apart_m;
 }
 
-/* What `alone` deviates from a line in the samples in which the marker was seen, as variances: all
- * of it, and what samples have in common with the ones before them, if that is no chance. That is
- * motion: the mean of a packet is not where the marker was in its middle, however many samples there
- * are.
+/* How the marker moved while it was seen, along the line of sight. */
+struct motion {
+    double noise;    /* variance of a sample about its course */
+    double bend_m;   /* from the mean to where it was at the mean time */
+    double variance; /* of that, which zones have in common */
+};
+
+/* What `alone` of the samples in which the marker was seen says about its motion: a bend from a
+ * line, if it explains what a parameter costs; then the mean is not where the marker was at the
+ * mean time. And what samples still have in common with the ones before them, if that is no chance:
+ * the mean is off by as much, however many samples there are.
  */
-static void deviations(const struct rl_seen *seen, const uint8_t *role, double middle_s,
-                       double *own, double *common)
+static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, double middle_s)
 {
-    double count = 0.0, mean = 0.0, times = 1e-12, cross = 0.0, squares = 0.0, alike = 0.0;
+    double count = 0.0, mean = 0.0, times = 1e-12, skew = 0.0, slope = 0.0;
     for (int row = 0; row < seen->rows; row++) {
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
         if (role[row] & OWN) {
             count += 1.0;
             mean += seen->alone[row];
             times += since_s * since_s;
-            cross += since_s * seen->alone[row];
+            skew += since_s * since_s * since_s;
+            slope += since_s * seen->alone[row];
         }
     }
     mean /= count;
-    double before = 0.0;
+    slope /= times;
+    skew /= times;
+    /* The square of the time less a line. */
+    const double level = times / count;
+    double energy = 1e-12, curve = 0.0, squares = 1e-30;
     for (int row = 0; row < seen->rows; row++) {
+        const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
         if (role[row] & OWN) {
-            const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
-            const double off = seen->alone[row] - mean - cross / times * since_s;
+            const double bend = since_s * (since_s - skew) - level;
+            const double off = seen->alone[row] - mean - slope * since_s;
+            energy += bend * bend;
+            curve += bend * off;
             squares += off * off;
+        }
+    }
+    const double explained = curve * curve / energy / squares;
+    const bool bends = (count - 2.0) * explained / 2.0 > RL_COST_OF_GAIN;
+    curve = bends ? curve / energy : 0.0;
+    double alike = 0.0, before = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
+        if (role[row] & OWN) {
+            const double bend = since_s * (since_s - skew) - level;
+            const double off = seen->alone[row] - mean - slope * since_s - curve * bend;
             alike += off * before;
             before = off;
         }
     }
-    *own = squares / fmax(count - 2.0, 1.0);
+    squares *= bends ? 1.0 - explained : 1.0;
+    struct motion motion = {.noise = squares / fmax(count - (bends ? 3.0 : 2.0), 1.0)};
+    if (bends) {
+        motion.bend_m = -curve * level;
+        motion.variance = motion.noise * level * level / energy;
+    }
     /* A correlation has to explain what a parameter costs. */
-    const double correlation = fmax(alike / fmax(squares, 1e-30), 0.0);
-    const bool moves = count * correlation * correlation / 2.0 > RL_COST_OF_GAIN;
-    *common = moves ? alike / count : 0.0;
+    const double correlation = fmax(alike / squares, 0.0);
+    if (count * correlation * correlation / 2.0 > RL_COST_OF_GAIN) {
+        motion.variance += alike / count;
+    }
+    return motion;
 }
 
 /* Mark the samples that the marker itself was seen in; return how many there are. */
@@ -160,13 +192,12 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
             }
         }
     }
-    *ranged = (struct rl_ranged){depth_m, 0.0, time_s};
-    double noise, common;
+    *ranged = (struct rl_ranged){depth_m, 0.0, time_s, 0.0};
     for (int row = 0; row < seen->rows; row++) {
         seen->alone[row] = (double)seen->distance[row];
     }
-    deviations(seen, role, time_s, &noise, &common);
-    ranged->variance = noise / own;
+    struct motion motion = motion_of(seen, role, time_s);
+    ranged->variance = motion.noise / own;
     struct rl_ranged parted;
     double others = 0.0;
     const bool blinks = dark > 0 && rl_blinking_range(seen, role, depth_m, &parted, &others);
@@ -174,14 +205,15 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
         /* Their light is in the mean of the distances, too, from anywhere that merges. */
         ranged->variance += others * others * sensor->separable_m * sensor->separable_m / 3.0;
         if (parted.variance < ranged->variance) {
-            *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s};
-            deviations(seen, role, time_s, &noise, &common);
+            *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s, 0.0};
+            motion = motion_of(seen, role, time_s);
         }
     } else if (blinks && !(walls > 0 && is_apart(quantile(values, walls, 0.5), depth_m, &parted,
                                                  sensor->separable_m))) {
         weigh(ranged, &parted, fmax(behind / dark / fmax(signal, 1e-9), 1e-3), sensor->separable_m);
     }
-    ranged->variance += common;
+    ranged->depth_m += motion.bend_m;
+    ranged->common = motion.variance;
     /* Quantisation adds the variance of a uniform distribution. */
     ranged->variance += sensor->distance_step_m * sensor->distance_step_m / 12.0 / own;
     /* Noise may put it beyond. */

@@ -30,6 +30,7 @@ struct rl_seen {
 /* How far a marker was, along the optical axis, and when. */
 struct rl_ranged {
     double depth_m, variance, time_s;
+    double common; /* variance besides, which ranges by other zones have in common */
 };
 
 /* Find how far a marker is; false without distances.

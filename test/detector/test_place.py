@@ -184,7 +184,7 @@ def ranged(
     seen, found = ffi.new('struct rl_seen *', held), ffi.new('struct rl_ranged *')
     if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
         return None
-    return found.depth_m, float(np.sqrt(found.variance))
+    return found.depth_m, float(np.sqrt(found.variance + found.common))
 
 
 def blinking(wall_m: float, wall: float, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
@@ -233,20 +233,30 @@ def test_a_marker_beside_another_has_its_own_range(other_m: float) -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
-def test_the_range_of_a_marker_that_sways_is_that_unsure() -> None:
-    scores = []
-    for seed in range(40):
+@pytest.mark.parametrize(
+    ('period_s', 'noise_m', 'bends'), [(0.5, 0.004, False), (1.5, 0.004, True), (2.6, 0.008, True)]
+)
+def test_the_range_of_a_marker_that_sways_is_where_it_was(
+    period_s: float, noise_m: float, bends: bool
+) -> None:
+    """At the stamp, within its deviation; a slow sway is followed, of a fast one the mean taken."""
+    scores, errors, of_means = [], [], []
+    for seed in range(80):
         rng = np.random.default_rng(seed)
         light, time_s = rng.integers(0, 2, 62).astype(float), 0.021 * (np.arange(62) + 0.5)
         turn = rng.uniform(0, 2 * np.pi)
-        own_m = 1.5 + 0.02 * np.sin(2 * np.pi * time_s / 1.5 + turn)
-        distance = np.where(light > 0, own_m + 0.004 * rng.standard_normal(62), np.nan)
+        own_m = 1.5 + 0.02 * np.sin(2 * np.pi * time_s / period_s + turn)
+        distance = np.where(light > 0, own_m + noise_m * rng.standard_normal(62), np.nan)
         found = ranged(light, 100 * light, distance)
         assert found is not None
         middle_s = time_s[light > 0].mean()
-        there_m = 1.5 + 0.02 * np.sin(2 * np.pi * middle_s / 1.5 + turn)
+        there_m = 1.5 + 0.02 * np.sin(2 * np.pi * middle_s / period_s + turn)
         scores.append((found[0] - there_m) / found[1])
+        errors.append(found[0] - there_m)
+        of_means.append(np.nanmean(distance) - there_m)
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 2.0
+    better = np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(of_means)))
+    assert better < 0.6 if bends else better == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.parametrize('seen_m', [1.9, 2.9])
@@ -301,6 +311,12 @@ def test_a_range_is_the_mean_of_those_of_all_zones() -> None:
     one, four = (placed_in(dict.fromkeys(zones, 1.5)) for zones in ((5,), (5, 6, 9, 10)))
     assert set(four.zones) == {5, 6, 9, 10}
     assert four.place.range_stddev_m < 0.65 * one.place.range_stddev_m
+
+
+def test_zones_that_differ_say_how_sure_their_mean_is() -> None:
+    alike, apart = (placed_in({5: 1.5, 6: depth_m}) for depth_m in (1.5, 1.56))
+    assert alike.place.range_stddev_m < 0.005
+    assert apart.place.range_stddev_m == pytest.approx(0.03, abs=0.01)
 
 
 def test_a_reflection_in_a_far_zone_is_no_part_of_a_place() -> None:
