@@ -42,11 +42,12 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
         codebook->packet[word] = packet;
         codebook->dark[word] = (float)count_bits(packet);
         codebook->pairs[word] = 2.0f * (float)count_bits(packet & packet >> 1);
-        struct rl_group *group = &codebook->group[codebook->groups - 1];
-        if (word == 0 || group->high != word_byte(packet, 0)) {
-            group = &codebook->group[codebook->groups++];
-            *group = (struct rl_group){word, 0, word_byte(packet, 0), INFINITY, INFINITY};
+        const uint8_t high = word_byte(packet, 0);
+        if (word == 0 || codebook->group[codebook->groups - 1].high != high) {
+            codebook->group[codebook->groups++] =
+                (struct rl_group){word, 0, high, INFINITY, INFINITY};
         }
+        struct rl_group *group = &codebook->group[codebook->groups - 1];
         group->count++;
         group->dark = rl_minf(group->dark, codebook->dark[word]);
         group->pairs = rl_minf(group->pairs, codebook->pairs[word]);

@@ -26,7 +26,7 @@ static void start(struct rl_detector *detector, struct rl_memory *memory)
 static void restart(struct rl_detector *detector, int64_t stamp_ns)
 {
     rl_samples_clear(&detector->samples, stamp_ns);
-    detector->pool.added = 0;
+    detector->pool.count = 0;
     detector->looked_s = -INFINITY;
     detector->read_anew = 0;
     detector->search.frames_a_bit = 0.0;
@@ -82,7 +82,9 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
     detector->readings = detector->candidates = 0;
     for (int32_t frame = 0; frame < frames; frame++) {
         const int64_t stamp = stamp_ns[frame];
-        if (detector->samples.count > 0 && stamp == detector->last_ns) {
+        /* One that is repeated, or was overtaken: time that is set back goes back by more. */
+        if (detector->samples.count > 0 && stamp <= detector->last_ns &&
+            (uint64_t)detector->last_ns - (uint64_t)stamp <= RL_MAX_LATE_NS) {
             continue;
         }
         if (detector->samples.count == 0 || stamp < detector->last_ns ||

@@ -90,8 +90,8 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
 void rl_detector_destroy(struct rl_detector *detector);
 
 /* Take frames, one after the other, until candidates are judged with one of them; return how many
- * frames were taken. The arrays are of shape (frames) and (frames, zones). Stamps that do not rise
- * are no new frames; after a jump back, or forward by more than a packet, it restarts.
+ * frames were taken. The arrays are of shape (frames) and (frames, zones). Frames that are repeated
+ * or late are left out; after a jump back, or forward by more than a packet, it restarts.
  */
 int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int64_t *stamp_ns,
                          const float *signal, const float *distance, const float *ambient,

@@ -37,7 +37,7 @@ static double open_best(struct rl_case *judged, struct rl_transmission *lone)
     const double wide = open_lone(judged, &other, silence_s);
     if (wide > tight) {
         *lone = other;
-        judged->silent_bits = (int)floor(silence_s / other.bit_s);
+        judged->silent_bits = (int)fmin(silence_s / other.bit_s, RL_SILENT_BITS);
         return wide;
     }
     return open_lone(judged, lone, 0.0);
@@ -64,7 +64,6 @@ void rl_observation_open(struct rl_case *judged)
     }
     judged->half_bits = half_bits_of(judged);
     judged->own = verdict->evidence + window->whitened.null;
-    verdict->fit = window->fit;
 }
 
 bool rl_observation_is_erased(const struct rl_case *judged)

@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-/* A packet goes on from one before it if it keeps its time, and no more packets have been missed. */
+/* A packet goes on from one before it if it keeps its time, and no more packets were missed. */
 static const double MAX_MISSED = 2.0;
 
 uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
@@ -29,9 +29,17 @@ static uint64_t around(const struct rl_samples *samples, int zone)
     return zones;
 }
 
-static int first_held(const struct rl_pool *pool)
+/* A slot for another track: an empty one, or else that of the track that ended first. */
+static struct rl_active_track *free_slot(struct rl_pool *pool)
 {
-    return pool->added > RL_POOL ? pool->added - RL_POOL : 0;
+    if (pool->count < RL_POOL) {
+        return &pool->track[pool->count++];
+    }
+    struct rl_active_track *first = pool->track;
+    for (int i = 1; i < pool->count; i++) {
+        first = pool->track[i].train.end_s < first->train.end_s ? &pool->track[i] : first;
+    }
+    return first;
 }
 
 /* Whether a transmission goes on from another one. */
@@ -47,8 +55,8 @@ const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_
 {
     struct rl_active_track *track = NULL;
     struct rl_packet_train whole = *train;
-    for (int i = first_held(pool); i < pool->added; i++) {
-        struct rl_active_track *before = &pool->track[i % RL_POOL];
+    for (int i = 0; i < pool->count; i++) {
+        struct rl_active_track *before = &pool->track[i];
         if (before->id == id && continues(&before->train, train)) {
             track = before;
             whole.begin_s = fmin(track->train.begin_s, whole.begin_s);
@@ -57,7 +65,7 @@ const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_
         }
     }
     if (track == NULL) {
-        track = &pool->track[pool->added++ % RL_POOL];
+        track = free_slot(pool);
     }
     *track = (struct rl_active_track){.id = id, .train = whole, .zone = zones[0]};
     for (int i = 0; i < count; i++) {
@@ -70,11 +78,8 @@ const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_
 const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
                                           double to_s)
 {
-    if (*index < first_held(pool)) {
-        *index = first_held(pool);
-    }
-    while (*index < pool->added) {
-        const struct rl_active_track *track = &pool->track[(*index)++ % RL_POOL];
+    while (*index < pool->count) {
+        const struct rl_active_track *track = &pool->track[(*index)++];
         const double end_s = track->train.end_s + RL_PACKET_BITS * track->train.transmission.bit_s;
         if (end_s > from_s && end_s <= to_s) {
             return track;
@@ -86,8 +91,8 @@ const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index
 bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
                    double overlap_s)
 {
-    for (int i = first_held(pool); i < pool->added; i++) {
-        const struct rl_active_track *track = &pool->track[i % RL_POOL];
+    for (int i = 0; i < pool->count; i++) {
+        const struct rl_active_track *track = &pool->track[i];
         if (track->id == id &&
             fmin(end_s, track->train.end_s) - fmax(begin_s, track->train.begin_s) > overlap_s) {
             return true;
@@ -99,8 +104,8 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
 bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
                          const struct rl_packet_train *train)
 {
-    for (int i = first_held(pool); i < pool->added; i++) {
-        const struct rl_active_track *track = &pool->track[i % RL_POOL];
+    for (int i = 0; i < pool->count; i++) {
+        const struct rl_active_track *track = &pool->track[i];
         if (track->id == id && continues(&track->train, train)) {
             return true;
         }
@@ -113,8 +118,8 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
 {
     interference->count = 0;
     for (int beside = 0; beside < 2; beside++) {
-        for (int i = pool->added - 1; i >= first_held(pool); i--) {
-            const struct rl_active_track *track = &pool->track[i % RL_POOL];
+        for (int i = pool->count - 1; i >= 0; i--) {
+            const struct rl_active_track *track = &pool->track[i];
             const struct rl_packet_train *train = &track->train;
             const uint64_t seen = beside ? track->near & ~track->zones : track->zones;
             const bool is_seen = (beside == 0) == ((track->zones & zones) != 0);
@@ -129,8 +134,8 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
 {
     uint64_t zones = 0;
-    for (int i = first_held(pool); i < pool->added; i++) {
-        const struct rl_active_track *track = &pool->track[i % RL_POOL];
+    for (int i = 0; i < pool->count; i++) {
+        const struct rl_active_track *track = &pool->track[i];
         zones |= track->train.end_s > since_s ? track->near : 0;
     }
     return zones;

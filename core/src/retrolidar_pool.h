@@ -18,7 +18,7 @@ struct rl_active_track {
 };
 
 struct rl_pool {
-    int added; /* the newest ones are held */
+    int count;
     struct rl_active_track track[RL_POOL];
 };
 

@@ -38,7 +38,7 @@ static int zones_of(struct rl_window *window, const struct rl_verdict *verdict, 
     }
     for (int i = 0; i < sum->zones; i++) {
         if (energy[sum->zone[i]] >= RL_MIN_PART * most) {
-            rl_add_zone(zones, &seen, sum->zone[i], energy);
+            rl_add_zone(zones, &seen, RL_MAX_READ, sum->zone[i], energy);
         }
     }
     return seen;
@@ -63,7 +63,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     if (detector->readings == RL_READINGS) {
         return;
     }
-    int32_t zones[RL_MAX_ZONES];
+    int32_t zones[RL_MAX_READ];
     const int seen = zones_of(&detector->window, verdict, zones);
     /* A packet of many frames may have begun before what is held. */
     const double held_s = samples->begin_s[rl_samples_oldest(samples)];
@@ -80,7 +80,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
         .end_s = train.end_s,
         .evidence = verdict->evidence,
         .margin = verdict->margin,
-        .zones = seen < RL_MAX_READ ? seen : RL_MAX_READ,
+        .zones = seen,
     };
     memcpy(reading->zone, zones, (size_t)reading->zones * sizeof *zones);
     const struct rl_active_track *track =

@@ -105,10 +105,10 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     samples->interference_removed[zone] = true;
     for (int i = 0; i < interference->count; i++) {
         if (rl_interference_marker(interference, i) == i) {
-            subtract(residual, interference, i, signal, samples->valid + at, rows);
+            subtract(residual, interference, i, signal, column.valid, rows);
         }
     }
-    fill_missing(signal, samples->valid + at, rows);
+    fill_missing(signal, column.valid, rows);
     return variation(residual, zone);
 }
 

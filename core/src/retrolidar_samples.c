@@ -188,13 +188,13 @@ static void fill_gap(struct rl_samples *samples, int row)
 
 static void follow_period(struct rl_samples *samples, double step_s)
 {
-    const int newest = (int)(sizeof samples->step_s / sizeof *samples->step_s);
+    const uint32_t newest = sizeof samples->step_s / sizeof *samples->step_s;
     samples->step_s[samples->steps % newest] = fmax(step_s, MIN_EXPOSURE_S);
     if (++samples->steps % newest == 0) {
         double steps[sizeof samples->step_s / sizeof *samples->step_s];
         memcpy(steps, samples->step_s, sizeof steps);
         const double share = samples->steps == newest ? 1.0 : 0.2;
-        samples->period_s += share * (rl_median(steps, newest) - samples->period_s);
+        samples->period_s += share * (rl_median(steps, (int)newest) - samples->period_s);
     }
 }
 

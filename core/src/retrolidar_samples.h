@@ -58,7 +58,7 @@ struct rl_samples {
     double last_seen_s[RL_MAX_ZONES];
     float last_signal[RL_MAX_ZONES];
     double step_s[15]; /* the newest times from frame to frame */
-    int steps;
+    uint32_t steps;
 };
 
 /* Where in the arrays a row of a channel is. */
@@ -73,10 +73,18 @@ static inline bool rl_zone_beside(int zone, int other, int columns)
     return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
-/* Add a zone to some that are sorted by their strength, the strongest first. */
-static inline void rl_add_zone(int32_t *zones, int32_t *count, int zone, const double *strength)
+/* Add a zone to some that are sorted by their strength, the strongest first; no more are kept than
+ * `most`.
+ */
+static inline void rl_add_zone(int32_t *zones, int32_t *count, int32_t most, int zone,
+                               const double *strength)
 {
-    int32_t at = (*count)++;
+    int32_t at = *count;
+    if (at < most) {
+        (*count)++;
+    } else if (strength[zones[--at]] >= strength[zone]) {
+        return;
+    }
     for (; at > 0 && strength[zones[at - 1]] < strength[zone]; at--) {
         zones[at] = zones[at - 1];
     }

@@ -10,7 +10,10 @@
 #include <stdint.h>
 
 /* binding */
-enum { RL_MAX_ZONES = 64 };
+enum {
+    RL_MAX_ZONES = 64,
+    RL_MAX_LATE_NS = 150000000, /* by which a frame that was overtaken may be late */
+};
 
 /* What the status of a sample says. */
 enum {

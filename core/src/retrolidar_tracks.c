@@ -62,14 +62,14 @@ static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
             return;
         }
     }
-    if (tracks->count == RL_MAX_TRACKS) {
+    if (!rl_tracks_begin(tracks, reading)) {
+        return;
+    }
+    tracks->counts.started++;
+    if (++tracks->count > RL_MAX_TRACKS) {
         end(tracks, weakest(tracks));
         tracks->counts.ended--;
         tracks->counts.dropped++;
-    }
-    if (rl_tracks_begin(tracks, reading)) {
-        tracks->counts.started++;
-        tracks->count++;
     }
 }
 

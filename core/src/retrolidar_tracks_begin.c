@@ -168,7 +168,8 @@ static void fit_all(struct rl_tracks *tracks, struct rl_followed *followed, int 
 
 static void see(struct rl_tracks *tracks, const struct rl_followed *followed, int zone, int row)
 {
-    rl_tracks_go_to(tracks, row, tracks->scenery.samples->begin_s[row]);
+    const struct rl_samples *samples = tracks->scenery.samples;
+    rl_tracks_go_to(tracks, row, row > 0 ? samples->end_s[row - 1] : samples->begin_s[row]);
     add_neighbours(tracks, zone, followed);
 }
 

@@ -12,7 +12,7 @@ struct rl_tracks {
     struct rl_detector *detector;
     struct rl_track_counts counts;
     int count;
-    struct rl_followed track[RL_MAX_TRACKS];
+    struct rl_followed track[RL_MAX_TRACKS + 1]; /* and one that begins */
     int64_t origin_ns, last_ns; /* of the samples, and of the newest frame */
     struct rl_scenery scenery;
     double *light; /* room for a window, as has the next */

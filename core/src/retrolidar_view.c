@@ -96,9 +96,10 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
 {
     const struct rl_samples *samples = view->samples;
     const int end = rl_samples_row(samples, to_s - 1e-9) + 1;
-    view->first = rl_samples_row(samples, from_s);
-    view->rows = (end < samples->count ? end : samples->count) - view->first;
-    view->rows = view->rows < samples->kept ? view->rows : samples->kept;
+    const int last = end < samples->count ? end : samples->count;
+    const int first = rl_samples_row(samples, from_s);
+    view->first = last - first < samples->kept ? first : last - samples->kept;
+    view->rows = last - view->first;
     view->lanes = lanes_of(count);
     for (int row = 0; row < view->rows; row++) {
         const double begin_s = samples->begin_s[view->first + row];

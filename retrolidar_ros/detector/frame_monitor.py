@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from retrolidar_ros.core import lib
 from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
@@ -22,6 +23,7 @@ _CLEARLY_DB = 6.0  # below this, something that moves far away, or noise, may be
 # detector combines eight.
 _PATIENCE_S = 1.5
 _RATE_FRAMES = 33  # whose median interval is taken for the frame period
+_LATE_NS = int(lib.RL_MAX_LATE_NS)
 _PAUSE_NS = 1_000_000_000  # without frames: what came before it is left out
 _PACKETS = 9
 _REMEMBERED_NS = 10_000_000_000
@@ -38,7 +40,8 @@ class FrameMonitor:
         self.lost = 0  # frames that were sent, by the sequence counter, and never came
         self.unsent = 0  # frames that the node before this one did not send
         self.repeated = 0  # frames that came a second time, and were left out
-        self.reversed = 0  # frames whose counter went back: a sensor restarted, or there are two
+        # Frames that were overtaken, or whose counter went back: a sensor restarted, or are two.
+        self.reversed = 0
         self.newest: deque[Frame] = deque(maxlen=_KEPT)
         self.restart(grid)
 
@@ -62,12 +65,16 @@ class FrameMonitor:
             if (frame.sequence, frame.stamp_ns) == (last.sequence, last.stamp_ns):
                 self.repeated += 1
                 return False
+            step_ns = frame.stamp_ns - last.stamp_ns
+            if -_LATE_NS <= step_ns < 0:
+                self.reversed += 1
+                return False
             missing = missing_frames(last.sequence, frame.sequence)
             lost = missing if max_lost is None else min(missing, max_lost)
             self.lost += lost
             self.unsent += missing - lost
             self.reversed += frame.sequence < last.sequence
-            if frame.stamp_ns - last.stamp_ns > _PAUSE_NS:
+            if not 0 <= step_ns <= _PAUSE_NS:
                 # A detector begins anew, too.
                 self.newest.clear()
                 self._zone = self._found = self._finding = None

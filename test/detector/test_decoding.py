@@ -85,7 +85,8 @@ EVERY = list(decoding(min_readings=1).detect(FRAMES))
 
 def reading(at_s: float, range_m: float = 1.0, identity: int = ID) -> Detection:
     place = replace(EVERY[0].place, range_m=range_m, range_stddev_m=0.002)
-    return replace(EVERY[0], id=identity, stamp_ns=round(at_s * 1e9), place=place)
+    stamp_ns = round(at_s * 1e9)
+    return replace(EVERY[0], id=identity, stamp_ns=stamp_ns, end_ns=stamp_ns, place=place)
 
 
 @pytest.mark.parametrize('min_readings', [1, 2, 3, 20])
@@ -107,6 +108,8 @@ def test_first_readings_are_withheld_and_whoever_has_no_more_is_told(
         (reading(1.3, 1.5), True),  # it comes nearer, or goes
         (reading(1.3, 2.5), False),
         (reading(0.0, 1.05), False),
+        (reading(0.0), False),  # the same again, of a bag that is played twice
+        (reading(0.6), False),  # most of the same packet
         (reading(15.0), True),  # read in few of its packets
         (reading(17.0), False),
         (reading(1.3, identity=2096), False),
@@ -118,6 +121,17 @@ def test_two_readings_agree_in_id_time_and_range(second: Detection, agrees: bool
     assert agreement.confirmed([reading(0.0)]) == []
     assert agreement.confirmed([second]) == ([second] if agrees else [])
     assert (agreement.passed, agreement.withheld) == (agrees, 2 - agrees)
+
+
+def test_a_reading_from_before_time_was_set_back_lets_no_track_pass() -> None:
+    agreement = Agreement(2)
+    before = [reading(100.0), reading(101.3)]
+    assert agreement.confirmed(before) == before[1:]
+    track = next(iter(decoding().follow(FRAMES)))
+    now = replace(track, id=before[1].id, first_ns=5_000_000_000, stamp_ns=6_000_000_000)
+    assert agreement.followed([now]) == []
+    later = replace(now, stamp_ns=before[1].end_ns)
+    assert agreement.followed([later]) == [later]
 
 
 def test_a_marker_is_followed_once_a_reading_of_it_was_passed_on() -> None:

@@ -11,6 +11,7 @@ import pytest
 from harness_detector import (
     GRID,
     ID,
+    OTHER_ID,
     ZONE,
     a_scene,
     every_method,
@@ -23,7 +24,7 @@ from harness_detector import (
 
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.marker.code import packet
+from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.scene.description import Sensor
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, Status
@@ -79,6 +80,26 @@ def test_a_marker_that_never_pauses_is_read_packet_by_packet(method: str) -> Non
     starts = np.array([one.start_ns for one in run(repeating(14.0), method) if one.id == ID])
     assert len(starts) >= 8
     assert np.abs(np.diff(starts) / 1.302e9 - np.rint(np.diff(starts) / 1.302e9)).max() < 0.02
+
+
+def test_a_marker_that_goes_on_is_remembered_however_many_others_are_read() -> None:
+    """One that pauses begins anew with each packet; the other is read once a packet all along."""
+    x, y, z = GRID.directions[0].tolist()
+    scene = a_scene(start_s=0.0, packets=None)
+    pausing = replace(scene.markers[0], id=OTHER_ID, position_m=(x, y, z), gap_bits=10)
+    found = run(simulate(replace(scene, markers=(*scene.markers, pausing)), 130.0), 'joint')
+    assert sum(one.id == OTHER_ID for one in found) > 64
+    ends = np.array([one.end_ns for one in found if one.id == ID])
+    assert 1e-9 * np.diff(ends).min() > 0.9 * PACKET_BITS * 0.042
+
+
+def test_a_frame_that_was_overtaken_is_left_out() -> None:
+    frames = list(repeating(14.0))
+    late = list(frames)
+    late[100], late[101], late[300], late[301] = (frames[i] for i in (101, 100, 301, 300))
+    starts = [{round(one.start_ns / 42e6) for one in run(of, 'joint')} for of in (frames, late)]
+    assert len(starts[0]) == 10
+    assert starts[0] == starts[1]
 
 
 @every_method

@@ -258,11 +258,19 @@ def test_gaps_repeats_steps_back_and_what_was_not_sent_are_counted() -> None:
     frames = frames_of(seconds=2.0)
     monitor, of_sender = FrameMonitor(SENSOR.grid), FrameMonitor(SENSOR.grid)
     taken = [frames[index] for index in (0, 1, 1, 5, 2, 3)]
-    assert [monitor.take(frame) for frame in taken] == [True, True, False, True, True, True]
-    assert (monitor.frames, monitor.lost, monitor.repeated, monitor.reversed) == (6, 3, 1, 1)
+    assert [monitor.take(frame) for frame in taken] == [True, True, False, True, False, False]
+    assert (monitor.frames, monitor.lost, monitor.repeated, monitor.reversed) == (6, 3, 1, 2)
     for index, max_lost in ((0, 5), (1, 0), (5, 0), (9, 1), (10, 7)):
         of_sender.take(frames[index], max_lost)
     assert (of_sender.lost, of_sender.unsent) == (1, 5)
+
+
+def test_frames_from_before_time_was_set_back_are_forgotten() -> None:
+    frames = frames_of(seconds=2.0)
+    monitor = FrameMonitor(SENSOR.grid)
+    for frame in [*frames[50:], *frames[:10]]:
+        assert monitor.take(frame)
+    assert list(monitor.newest) == frames[:10]
 
 
 def test_the_rate_is_found_from_what_came_however_much_is_lost() -> None:

@@ -15,11 +15,12 @@ from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Ranging, Surface, Wander
+from retrolidar_ros.scene.description import Ranging, Surface, Wander, Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import RANGING, SENSOR
 from retrolidar_ros.sensor.frame import Frame, Recording
+from retrolidar_ros.sensor.model import VL53L8CX
 
 KNOWN_S = 2.0  # a marker that repeats is read before
 GONE_S = 0.5
@@ -116,6 +117,20 @@ def lasting_s(after: Recording, frame: int) -> tuple[float, list[list[Track]]]:
     _, tracks = follow([*before, *[*after][frame:]])
     assert tracks[frame - 1]
     return max(stamps_s(tracks)) - 1e-9 * int(after.stamp_ns[frame]), tracks
+
+
+def test_a_rate_of_range_begins_right_however_short_the_exposure_is() -> None:
+    model = replace(VL53L8CX, exposure=0.3)
+    x, y, z = a_scene().markers[0].position_m
+    path = tuple(Waypoint(6.0 * to, (by * x, by * y, by * z)) for to, by in enumerate((0.8, 2.0)))
+    frames = simulate(ranging_scene(path=path, position_m=(math.nan,) * 3))
+    detector = create_detector('joint', GRID, sensor=model)
+    tracks: list[Track] = []
+    for frame in frames:
+        detector.update(frame)
+        tracks += detector.follow(frame)
+    rate_m_s = float(tracks[0].velocity @ tracks[0].place.position_m) / tracks[0].place.range_m
+    assert rate_m_s == pytest.approx(0.2 * math.sqrt(x * x + y * y + z * z), rel=0.3)
 
 
 def test_what_vanishes_is_dropped_within_half_a_second() -> None:
