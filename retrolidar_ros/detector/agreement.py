@@ -19,8 +19,8 @@ _MAX_SPEED = 1.0  # of a marker along the line of sight [m/s]
 class Agreement:
     """Confirms a reading once enough readings of its ID agree, itself included.
 
-    They agree if they are no more than twelve packets apart for each that is needed, and their
-    ranges by no more than three deviations and 1 m/s.
+    They agree if their packets are different ones, no more than twelve packets apart for each that
+    is needed, and their ranges differ by no more than three deviations and 1 m/s.
     """
 
     def __init__(self, min_readings: int) -> None:
@@ -37,9 +37,14 @@ class Agreement:
         return [one for one in detections if self._is_confirmed(one)]
 
     def followed(self, tracks: Sequence[Track]) -> list[Track]:
-        """Return the tracks of markers with a confirmed reading."""
-        passed_ns = self._passed_ns
-        return [one for one in tracks if one.id in passed_ns and passed_ns[one.id] >= one.first_ns]
+        """Return the tracks of markers with a confirmed reading since they began."""
+        # A reading after the track's frame is of before the time went back.
+        passed_ns = [self._passed_ns.get(one.id, one.first_ns - 1) for one in tracks]
+        return [
+            one
+            for one, at_ns in zip(tracks, passed_ns, strict=True)
+            if one.first_ns <= at_ns <= one.stamp_ns
+        ]
 
     def _is_confirmed(self, reading: Detection) -> bool:
         recent = self._recent[reading.id]
@@ -54,8 +59,12 @@ class Agreement:
 
     def _agree(self, one: Detection, other: Detection) -> bool:
         apart_s = abs(other.stamp_ns - one.stamp_ns) * 1e-9
-        gap_s = _MAX_GAP_PACKETS * PACKET_BITS * other.bit_period_s
-        if apart_s > gap_s * (self._min_readings - 1):
+        packet_s = PACKET_BITS * other.bit_period_s
+        if apart_s > _MAX_GAP_PACKETS * packet_s * (self._min_readings - 1):
+            return False
+        # Packets that are read twice, as when a bag is played again, confirm nothing.
+        begun_s = [1e-9 * each.end_ns - each.packets * packet_s for each in (one, other)]
+        if 1e-9 * min(one.end_ns, other.end_ns) - max(begun_s) > packet_s / 2:
             return False
         deviation_m = np.hypot(one.place.range_stddev_m, other.place.range_stddev_m)
         allowed_m = _MAX_DEVIATIONS * deviation_m + _MAX_SPEED * apart_s

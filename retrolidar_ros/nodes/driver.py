@@ -50,6 +50,7 @@ class FrameTopics:
     def __init__(self, node: Node, frame_id: str) -> None:
         """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
+        self._frames = 0
         self._subscribed: list[tuple[Any, Callable[..., Any]]] = []
         self._topics: list[tuple[Any, Callable[..., Any]]] = [
             (publisher(node, FrameMsg, 'frames', FRAME_QOS), to_frame_msg),
@@ -61,8 +62,9 @@ class FrameTopics:
 
     def publish(self, frame: Frame) -> None:
         """Publish a frame, stamped in ROS time, on all topics with subscribers."""
-        if frame.sequence % _COUNT_PERIOD_FRAMES == 0:
+        if self._frames % _COUNT_PERIOD_FRAMES == 0:
             self._subscribed = [one for one in self._topics if one[0].get_subscription_count()]
+        self._frames += 1
         for topic, convert in self._subscribed:
             topic.publish(convert(frame, self._frame_id))
 

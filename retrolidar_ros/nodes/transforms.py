@@ -23,6 +23,7 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of
 
 _PERIOD_S, _LISTENING_S = 30.0, 5.0
+_FORGOTTEN_S = 2 * _PERIOD_S  # since another node was heard last
 _DEPTH = 1000
 _PARENT = re.compile(r"^(\S.*): *\n +parent: '(.*)'", re.M)
 _KEPT = 512  # newest stamps of a frame
@@ -63,7 +64,8 @@ class TransformSender:
         self._broadcaster: TransformBroadcaster | None = None
         self._sent: dict[str, deque[int]] = {}  # newest stamps [ns], by child frame
         self._parents: dict[str, str] = {}
-        self._shared: dict[str, str] = {}  # parents that other nodes give to our child frames
+        # Parents that other nodes give to our child frames, and when they did last.
+        self._shared: dict[str, tuple[str, float]] = {}
         self._began_s = 0.0
         self._listener: Node | None = None
         self._executor = SingleThreadedExecutor(context=node.context)
@@ -128,18 +130,22 @@ class TransformSender:
 
     def on_transform(self, transform: TransformStamped) -> None:
         """Take a transform from any node."""
-        child = transform.child_frame_id
+        child, stamp_ns = transform.child_frame_id, to_ns(transform.header.stamp)
         with self._lock:
-            if child in self._sent and to_ns(transform.header.stamp) not in self._sent[child]:
-                self._shared[child] = transform.header.frame_id
+            sent = self._sent.get(child, ())
+            # One older than all that are kept may be our own.
+            is_known = len(sent) == _KEPT and stamp_ns < sent[0]
+            if sent and not is_known and stamp_ns not in sent:
+                self._shared[child] = transform.header.frame_id, time.monotonic()
 
     def problem(self, parent: str) -> str:
-        """Return which child frames of `parent` other nodes send, too; empty if none."""
+        """Return which child frames of `parent` other nodes send, too, of late; empty if none."""
+        since_s = time.monotonic() - _FORGOTTEN_S
         with self._lock:
             children = ', '.join(
                 f'{child} (in {other})'
-                for child, other in self._shared.items()
-                if self._parents[child] == parent
+                for child, (other, heard_s) in self._shared.items()
+                if self._parents[child] == parent and heard_s > since_s
             )
         if not children:
             return ''

@@ -6,6 +6,7 @@ import math
 
 WINDOW_S = 10.0  # of the paper's detection rate
 _MAX_WINDOWS = 100  # a larger jump of time is a clock that was set
+_JITTER_S = 1.0  # by which time may go back; by more, it was set back
 
 
 class Heartbeat:
@@ -22,7 +23,7 @@ class Heartbeat:
         self.beats = 0
         self.windows = 0  # complete windows
         self.windows_alive = 0  # windows with at least one detection
-        self._window_start_s = self._last_s = time_s
+        self._window_start_s = self._last_s = self._newest_s = time_s
         self._longest_s = 0.0
         self._beats_in_window = 0
 
@@ -37,8 +38,9 @@ class Heartbeat:
 
     def advance(self, time_s: float) -> None:
         """Let time pass; a jump, as of a replay or a clock that is set, starts the count again."""
-        if not self._begun or time_s < self._window_start_s:
+        if not self._begun or time_s < max(self._window_start_s, self._newest_s - _JITTER_S):
             self._begin(time_s)
+        self._newest_s = max(self._newest_s, time_s)
         passed = math.floor((time_s - self._window_start_s) / self.window_s)
         if passed > _MAX_WINDOWS:
             self._begin(time_s)

@@ -3,6 +3,7 @@
 """TF: lookups, by tf2_ros or the part of it in embedded/, and frames that two nodes send."""
 
 import math
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,7 +74,9 @@ def test_transforms_are_found_between_frames_and_times_and_forgotten(listener: L
     assert find('map', 'hand', 2.0) is not None
 
 
-def test_frames_that_other_nodes_send_are_named(listener: Listener) -> None:
+def test_frames_that_other_nodes_send_are_named(
+    listener: Listener, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sender = TransformSender(listener.node)
     sender.open()
     sender.send([transform('mug', 'eye', stamp_ns=1), transform('mug', 'eye', stamp_ns=2)])
@@ -83,6 +86,19 @@ def test_frames_that_other_nodes_send_are_named(listener: Listener) -> None:
     sender.on_transform(transform('mug', 'other_eye', stamp_ns=3))
     assert 'mug (in other_eye): set frame_prefix' in sender.problem('eye')
     assert sender.problem('another eye') == ''
+    later_s = time.monotonic() + 100
+    monkeypatch.setattr(time, 'monotonic', lambda: later_s)
+    assert sender.problem('eye') == ''
+
+
+def test_what_was_sent_long_before_it_comes_back_is_still_our_own(listener: Listener) -> None:
+    sender = TransformSender(listener.node)
+    sender.open()
+    sender.send([transform('mug', 'eye', stamp_ns=stamp_ns) for stamp_ns in range(10, 2000)])
+    sender.on_transform(transform('mug', 'eye', stamp_ns=11))
+    assert sender.problem('eye') == ''
+    sender.on_transform(transform('mug', 'eye', stamp_ns=5000))
+    assert 'mug (in eye)' in sender.problem('eye')
 
 
 def test_sensors_of_the_same_frames_are_warned_of_until_they_have_prefixes(tmp_path: Path) -> None:

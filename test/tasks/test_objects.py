@@ -158,6 +158,15 @@ def test_a_clock_that_is_set_forward_begins_anew() -> None:
     assert heart.longest_silence_s(1.8e9) == 0
 
 
+def test_a_clock_that_is_set_back_hides_no_silence() -> None:
+    heart = beaten([100.0, 109.0])
+    heart.advance(101.0)
+    assert heart.silence_s(108.0) == pytest.approx(7.0)
+    heart = beaten([100.0, 109.0])
+    heart.advance(108.5)
+    assert heart.beats == 2
+
+
 @law
 @given(beats, windows, quarters)
 def test_windows_and_silences_are_counted_as_by_hand(
