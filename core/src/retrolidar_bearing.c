@@ -25,8 +25,8 @@ static const double SQRT_2 = 1.4142135623730951;
 /* Places that are less likely than the likeliest by more have no part [nats]. */
 static const double HOPELESS = 40.0;
 
-/* Share out the light of a point among zones in a row, for each blur and place. How wide a marker is
- * says no more than another blur would.
+/* Share out the light of a point among zones in a row, for each blur and place. How wide a marker
+ * is says no more than another blur would.
  */
 static void share_out(struct rl_bearing_table *table)
 {

@@ -172,7 +172,7 @@ static double unknown_bits(const struct rl_bits *bits, int count)
 
 /* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
  * are unknown: a bit less of a word's redundancy is a bit more of chance, or two where something
- * has appeared, as that is judged with each bit again. With few registered IDs, more may be unknown,
+ * has appeared, as that is judged with each bit again. With few registered IDs more may be unknown,
  * and any of a packet that was expected. None is a packet of which most of the preamble is unknown.
  */
 static double max_word_of(const struct rl_case *judged)
@@ -210,9 +210,9 @@ static bool is_word(struct rl_case *judged)
     return verdict->word <= max_word_of(judged);
 }
 
-/* By how much a packet in a sum of zones must be likelier besides. Markers of several zones blink in
- * it, and together may look like another one: that is a gain more, and the more they leave over, the
- * sooner.
+/* By how much a packet in a sum of zones must be likelier besides. Markers of several zones blink
+ * in it, and together may look like another one: that is a gain more, and the more they leave over,
+ * the sooner.
  */
 static double price_of_sum(const struct rl_case *judged)
 {

@@ -177,7 +177,7 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
     return own > MIN_OWN * whole && fabs(apart_m) < scenery->sensor->separable_m;
 }
 
-/* The share of the light that is not explained, if another marker that is not known may be there. */
+/* The share of the light that is not explained, if a marker that is not known may be there. */
 static double unknown_share(const struct rl_followed *followed, int zone, double range_m,
                             double signal)
 {

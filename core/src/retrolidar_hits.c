@@ -10,8 +10,8 @@
 
 static const uint32_t PREAMBLE = (uint32_t)RL_PREAMBLE << RL_WORD_BITS;
 static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
-/* Coarse templates explain no more than this, and some words more than the bound by this factor. */
-static const float MAX_EXPLAINED = 0.995f, BOUND_SLACK = 1.1f;
+/* Coarse templates explain no more than this. */
+static const float MAX_EXPLAINED = 0.995f;
 
 /* Half of the samples times the logarithm of what is left of the variance. */
 static float nats_of(float squared, const struct rl_soft_summary *summary)
@@ -93,7 +93,7 @@ bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_tr
                               const struct rl_soft_summary *summary)
 {
     const float squared = any_squared(demand, trial, summary);
-    return squared > 0.0f && squared >= min_of(demand->least / BOUND_SLACK, summary);
+    return squared > 0.0f && squared >= min_of(demand->least, summary);
 }
 
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
@@ -103,7 +103,7 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         return;
     }
     const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
-    const float least = min_of(demand->least / BOUND_SLACK, &lane->summary);
+    const float least = min_of(demand->least, &lane->summary);
     const struct rl_energy energy = energy_of(demand, trial);
     const int slot = free_slot(shortlist);
     /* Of a part the preamble need not be seen, so that any start may be the right one. */

@@ -88,16 +88,20 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
     const double over_s = to_s - (2 * RL_PACKET_BITS + RL_CONTINUES_BITS) * bit_s;
     uint64_t zones = rl_pool_zones(&detector->pool, over_s);
     for (int zone = 0; zone < samples->zones; zone++) {
-        if ((zones >> zone & 1u) != 0) {
+        const uint64_t own = (uint64_t)1 << zone;
+        if (rl_noise_variation(samples, zone) <= RL_ACTIVE) {
+            zones &= ~own;
+        }
+        if ((zones & own) != 0) {
             struct rl_interference interference;
-            rl_pool_interference(&detector->pool, (uint64_t)1 << zone,
+            rl_pool_interference(&detector->pool, own,
                                  since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
             rest[zone] = rl_residual_subtract(&detector->residual, zone, &interference,
                                               since_s - RL_SEARCH_BITS * bit_s);
             if (detector->consumed_until_s[zone] <= over_s &&
                 rest[zone] > RL_MOST * rl_noise_variation(samples, zone)) {
                 rl_residual_restore(&detector->residual, zone);
-                zones &= ~((uint64_t)1 << zone);
+                zones &= ~own;
             }
         }
     }

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Energy of a packet in a zone, beside what else is known to be there; 0 if there is no evidence. */
+/* Energy of a packet in a zone, beside what else is known to be there; 0 without evidence. */
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
     window->reference = RL_NO_REFERENCE;

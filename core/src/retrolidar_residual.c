@@ -15,7 +15,8 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
 {
     const int64_t rows = samples->kept;
     residual->samples = samples;
-    residual->light = rl_take(memory, rows * (int64_t)sizeof *residual->light);
+    residual->light[0] = rl_take(memory, rows * (int64_t)sizeof *residual->light[0]);
+    residual->light[1] = rl_take(memory, rows * (int64_t)sizeof *residual->light[1]);
     residual->part = rl_take(memory, rows * (int64_t)sizeof *residual->part);
     residual->saved = rl_take(memory, samples->channels * rows * (int64_t)sizeof *residual->saved);
     rl_room_start(&residual->room, samples->kept, memory);
@@ -28,11 +29,12 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     const struct rl_samples *samples = residual->samples;
     const double *begin_s = samples->begin_s + residual->first;
     const double *end_s = samples->end_s + residual->first;
-    double *light = residual->light, *part = residual->part;
     double gain[2][RL_KNOTS];
     struct rl_gain_profile profile[2];
     for (int continues = 0; continues < 2; continues++) {
-        rl_interference_light(interference, marker, continues, begin_s, end_s, rows, part, light);
+        double *light = residual->light[continues];
+        rl_interference_light(interference, marker, continues, begin_s, end_s, rows, residual->part,
+                              light);
         profile[continues] = rl_gain_profile_fit(signal, valid, light, rows, gain[continues]);
     }
     /* Of another packet about half would be there, too, as all have the preamble. */
@@ -42,9 +44,9 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     if (!(profile[form].nats > 0.0)) {
         return;
     }
-    rl_interference_light(interference, marker, form, begin_s, end_s, rows, part, light);
     for (int row = 0; row < rows; row++) {
-        signal[row] += (float)(rl_gain_profile_at(gain[form], row, rows) * (1.0 - light[row]));
+        const double dark = 1.0 - residual->light[form][row];
+        signal[row] += (float)(rl_gain_profile_at(gain[form], row, rows) * dark);
     }
 }
 
@@ -120,12 +122,12 @@ double rl_residual_cancel(struct rl_residual *residual, int zone, int reference,
     float *signal = samples->signal + at;
     struct rl_column column = {signal, samples->valid + at};
     double gain[RL_KNOTS];
-    rl_reference_light(samples, reference, residual->first, rows, residual->light);
+    rl_reference_light(samples, reference, residual->first, rows, residual->light[0]);
     rl_reference_erase(samples, reference, residual->first, rows, &residual->room, &column);
-    if (rl_gain_profile_fit(signal, column.valid, residual->light, rows, gain).nats > 0.0) {
+    if (rl_gain_profile_fit(signal, column.valid, residual->light[0], rows, gain).nats > 0.0) {
         samples->interference_removed[zone] = true;
         for (int row = 0; row < rows; row++) {
-            signal[row] -= (float)(rl_gain_profile_at(gain, row, rows) * residual->light[row]);
+            signal[row] -= (float)(rl_gain_profile_at(gain, row, rows) * residual->light[0][row]);
         }
         fill_missing(signal, column.valid, rows);
     }

@@ -12,7 +12,7 @@
 struct rl_residual {
     struct rl_samples *samples;
     struct rl_room room;
-    double *light, *part;
+    double *light[2], *part; /* of a marker that has ended, and that goes on */
     float *saved; /* signals of each channel before */
     int first;    /* row from which they were saved */
 };

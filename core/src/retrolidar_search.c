@@ -129,34 +129,18 @@ static struct stretch stretch_of(const struct rl_trial *trial,
     return (struct stretch){summary->squares / expected, *trial, *summary};
 }
 
+/* Hold the bits of a stretch against all starts. */
 static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
-                         double skew, double half_bits, const struct rl_demand *demand)
+                         const struct rl_demand *demand)
 {
-    const double bit_s = search->samples->bit_s;
-    if (rl_llr_upper_bound(demand, &stretch->trial, &stretch->summary) <
-        (float)RL_MOST * demand->least) {
+    struct rl_trial trial = stretch->trial;
+    struct rl_lane one;
+    if (rl_llr_upper_bound(demand, &trial, &stretch->summary) < (float)RL_MOST * demand->least) {
         return;
     }
-    /* Between those that were tried there may be a better one. */
-    struct rl_trial best = stretch->trial;
-    struct rl_lane best_lane = {.summary = stretch->summary};
-    float most = -1.0f;
-    for (int near = 0; near < 9; near++) {
-        const double longer_s = (near % 3 - 1) * skew / 2 * bit_s;
-        struct rl_trial trial = stretch->trial;
-        struct rl_lane one;
-        trial.bit_s += longer_s;
-        trial.end_s += (near / 3 - 1) * bit_s / EIGHTHS + half_bits * longer_s;
-        rl_view_place_bit_edges(&search->view, &trial);
-        rl_view_integrate_lane(&search->view, &trial, lane, &one);
-        const float share = stretch_of(&trial, &one.summary).share;
-        if (share > most) {
-            most = share;
-            best = trial;
-            best_lane = one;
-        }
-    }
-    rl_shortlist_add(&search->shortlist[lane], demand, &best, &best_lane, RL_PACKET_BITS);
+    rl_view_place_bit_edges(&search->view, &trial);
+    rl_view_integrate_lane(&search->view, &trial, lane, &one);
+    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, RL_PACKET_BITS);
 }
 
 static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
@@ -186,7 +170,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     }
     for (int lane = 0; lane < count; lane++) {
         for (int i = 0; i < kept[lane].count; i++) {
-            look_closely(search, lane, &kept[lane].stretch[i], skew, half_bits, demand);
+            look_closely(search, lane, &kept[lane].stretch[i], demand);
         }
     }
 }

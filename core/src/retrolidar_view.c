@@ -141,9 +141,12 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     const float bit_s = (float)trial->bit_s;
     const float first_s =
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
-    float shared = 0.0f, seen = 0.0f;
-    trial->seen = 0;
-    int row = row_of(view, first_s);
+    float shared = 0.0f;
+    int row = row_of(view, first_s), seen = bits;
+    while (seen > 0 && first_s + (float)(bits - seen + 1) * bit_s <= 0.0f) {
+        seen--;
+    }
+    trial->seen = seen < RL_PACKET_BITS ? RL_ALL_BITS >> (RL_PACKET_BITS - seen) : RL_ALL_BITS;
     for (int bit = 0; bit <= bits; bit++) {
         const float time_s = first_s + (float)bit * bit_s;
         while (view->begin[row + 1] <= time_s) {
@@ -153,18 +156,14 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
         const float share = rl_minf(rl_maxf(passed, 0.0f), 1.0f);
         view->edge[bit] = (struct rl_edge){row, share};
         shared += share * (1.0f - share);
-        if (bit > 0 && time_s > 0.0f) {
-            trial->seen |= rl_packet_bit((bit - 1) % RL_PACKET_BITS);
-            seen += 1.0f;
-        }
     }
     /* A bit has an energy of 1 for each exposure, less what it shares with the bits beside it. */
     const struct rl_edge *first = &view->edge[0], *last = &view->edge[bits];
     const float exposures = (float)(last->row - first->row) + last->share - first->share;
     const float outside = first->share * (1.0f - first->share);
     const float ended = last->share * (1.0f - last->share);
-    trial->own = (exposures - 2.0f * shared + outside + ended) / rl_maxf(seen, 1.0f);
-    trial->adjacent = (shared - outside) / rl_maxf(seen, 1.0f);
+    trial->own = (exposures - 2.0f * shared + outside + ended) / rl_maxf((float)seen, 1.0f);
+    trial->adjacent = (shared - outside) / rl_maxf((float)seen, 1.0f);
 }
 
 /* Power and number of the samples of a lane; bits of which samples are missing have so much less

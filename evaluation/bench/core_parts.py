@@ -9,7 +9,7 @@ itself has no switches.
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -29,6 +29,11 @@ class Part(NamedTuple):
     file: str
     line: str
     without: str
+
+    @property
+    def source(self) -> str:
+        """The name of its file in core/src: of a header it has a suffix, of C code none."""
+        return f'retrolidar_{self.file}' + ('' if '.' in self.file else '.c')
 
 
 def _call(file: str, call: str) -> Part:
@@ -193,7 +198,11 @@ PARTS = {
     'range: samples near the middle one': Part(
         'ranging', 'about_m) < seen->sensor->separable_m', 'about_m) < INFINITY'
     ),
-    'range: variance of motion': Part('ranging', 'variance += common', 'variance += 0.0 * common'),
+    'range: where it was at the mean time': Part(
+        'ranging', 'const bool bends = ', 'const bool bends = false && '
+    ),
+    'range: variance of motion': Part('placement', ' + common * common', ' + 0.0 * common'),
+    'range: zones that differ': Part('placement', 'fmax(spread, 1.0)', 'fmax(0.0 * spread, 1.0)'),
     'bearing: noise that goes on': Part(
         'placement', '(1.0 + 2.0 * fmax(alike', '(1.0 + 0.0 * fmax(alike'
     ),
@@ -216,17 +225,20 @@ SETS = {
 """Parts that may cover for each other."""
 
 
-def names_of(off: str) -> tuple[str, ...]:
-    """Return the parts that a name of `PARTS` or `SETS` stands for; '' = none."""
-    return SETS.get(off) or ((off,) if off else ())
+def part_changes() -> dict[str, list[Part]]:
+    """Return what changes the core without each part, and without each set of parts."""
+    without = {name: [part] for name, part in PARTS.items()}
+    return without | {name: [PARTS[part] for part in parts] for name, parts in SETS.items()}
 
 
-def check_parts() -> None:
-    """Raise ValueError, with the names of all parts whose line the core has not once."""
-    texts = {path.name: path.read_text(encoding='utf-8') for path in _sources()}
-    files = {name: f'retrolidar_{part.file}.c' for name, part in PARTS.items()}
-    gone = [name for name in PARTS if texts.get(files[name], '').count(PARTS[name].line) != 1]
-    gone += [name for name, parts in SETS.items() if not set(parts) <= set(PARTS)]
+def check_changes(changes: Mapping[str, Sequence[Part]]) -> None:
+    """Raise ValueError, with the names of all changes of a line that the core has not once."""
+    texts = {path.name: path.read_text(encoding='utf-8') for path in core_sources()}
+    gone = [
+        name
+        for name, parts in changes.items()
+        if any(texts.get(part.source, '').count(part.line) != 1 for part in parts)
+    ]
     if gone:
         raise ValueError(f'of core_parts, the core has not once: {"; ".join(gone)}')
 
@@ -239,12 +251,11 @@ def use_core_with(changes: Sequence[Part]) -> None:
     if _MODULE in sys.modules:
         raise RuntimeError('a core has been imported already')
     folder = Path(mkdtemp(prefix='core_parts_'))
-    sources = {path.name: path.read_text(encoding='utf-8') for path in _sources()}
+    sources = {path.name: path.read_text(encoding='utf-8') for path in core_sources()}
     for part in changes:
-        file = f'retrolidar_{part.file}.c'
-        if sources.get(file, '').count(part.line) != 1:
-            raise ValueError(f'{file} has {part.line!r} not once')
-        sources[file] = sources[file].replace(part.line, part.without)
+        if sources.get(part.source, '').count(part.line) != 1:
+            raise ValueError(f'{part.source} has {part.line!r} not once')
+        sources[part.source] = sources[part.source].replace(part.line, part.without)
     for file, text in sources.items():
         (folder / file).write_text(text, encoding='utf-8')
     sys.path.insert(0, str(_ROOT / 'core'))
@@ -296,5 +307,6 @@ def lines_of_core() -> int:
     return len(set(re.findall(r'^(retrolidar_\w+\.c) +(\d+) ', text, re.MULTILINE)))
 
 
-def _sources() -> list[Path]:
+def core_sources() -> list[Path]:
+    """Return the C files and headers of the core."""
     return sorted((_ROOT / 'core/src').glob('retrolidar_*.[ch]'))

@@ -78,6 +78,7 @@ class Placed(NamedTuple):
     motion: str
     company: str
     bearing_zones: tuple[float, float]  # across and down, measured less true
+    range_deviations: float  # measured less true, in standard deviations
     error: PlaceError
 
 
@@ -211,7 +212,9 @@ def _placed(one: Detection, packet: SentPacket, room: Room) -> Placed:
     both_m = np.array([one.place.position_m, truth_m])
     measured, true = _tangents(both_m, 2) / room.scene.sensor.grid.pitch
     across, down = (measured - true).tolist()
-    return Placed(packet.motion, packet.company, (across, down), place_error(one.place, truth_m))
+    error = place_error(one.place, truth_m)
+    deviations = error.range_m / one.place.range_stddev_m
+    return Placed(packet.motion, packet.company, (across, down), deviations, error)
 
 
 def _overlap_s(packet: SentPacket, span_s: tuple[float, float]) -> float:

@@ -1,24 +1,30 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What each part of the decision gains: the detector with and without it."""
+"""The detector with a core of which something was changed, against the one that it has.
+
+What each part of the decision gains is what is lost without it. What each number that was chosen by
+hand gains is what is lost with its half or its double.
+"""
 
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from evaluation.bench import core_trial
-from evaluation.bench.core_parts import PARTS, SETS, Part, check_parts, names_of
+from evaluation.bench.core_numbers import number_changes
+from evaluation.bench.core_parts import Part, check_changes, part_changes
 from evaluation.bench.core_process import call_with
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
-TITLE = 'What each part gains'
 SIGMAS = 3.0  # of the change by chance; a larger one counts
+_CENTRED: dict[str, Any] = {'ha': 'center', 'va': 'center', 'fontsize': 9}
 _WORST = 10.0  # percent lost, or wrong IDs more, that are coloured most
 FAMILIES = {
     'rooms': 'random\nrooms',
@@ -35,43 +41,17 @@ _WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
 _HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
 
 
-def _changes(off: str) -> list[Part]:
-    return [PARTS[name] for name in names_of(off)]
-
-
-def _measured(off: str, seed: int, times: float) -> dict[str, Any]:
-    """Measure without a part, in a process of its own."""
-    row: dict[str, Any] = call_with(_changes(off), f'{core_trial.__name__}.measure', seed, times)
-    print(f'measured {f"without {off}" if off else "as it is"}', file=sys.stderr, flush=True)
+def _measured(name: str, changes: Sequence[Part], seed: int, times: float) -> dict[str, Any]:
+    """Measure a changed core, in a process of its own."""
+    row: dict[str, Any] = call_with(changes, f'{core_trial.__name__}.measure', seed, times)
+    print(f'measured {name or "as it is"}', file=sys.stderr, flush=True)
     return row
 
 
-def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
-    """Return what the detector loses without each part and set of parts.
-
-    Raises ValueError before anything is run if the core has no such part any longer.
-    """
-    check_parts()
-    offs = [*PARTS][:1] if quick else [*PARTS, *SETS]
-    seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.7, 6))
-    # Each in a process of its own, one a core; times are measured alone.
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        whole, *others = pool.map(lambda off: _measured(off, seed, times), ['', *offs])
-    rows = []
-    for off, other in zip(offs, others, strict=True):
-        rows.append({'off': off, **_against(whole, other), 'time': _time_less(off, seed, rooms)})
-    return {
-        'whole': {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)},
-        # The change of time between two runs of the same core.
-        'time_by_chance': abs(_time_less('', seed, rooms)),
-        'rows': rows,
-    }
-
-
-def _time_less(off: str, seed: int, rooms: int) -> float:
-    """Return how much less time a frame takes without a part, one run right after the other [%]."""
+def _time_less(changes: Sequence[Part], seed: int, rooms: int) -> float:
+    """Return how much less time a frame takes with changes, one run right after the other [%]."""
     function = f'{core_trial.__name__}.frame_times_us'
-    before, after = (call_with(_changes(one), function, seed, rooms) for one in ('', off))
+    before, after = (call_with(one, function, seed, rooms) for one in ((), changes))
     # Each room counts alike, so that one that was interrupted does not decide.
     return round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
 
@@ -87,7 +67,7 @@ def _change(lost: Sequence[float]) -> dict[str, float]:
 
 
 def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """Return what is lost without a part, from the same scenes with and without."""
+    """Return what is lost by a change, from the same scenes."""
     row: dict[str, Any] = {}
     for name in FAMILIES:
         pairs = zip(whole[name], other[name], strict=True)
@@ -101,24 +81,24 @@ def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 
 
 class Row(NamedTuple):
-    """A part of the detector, as a row of the chart."""
+    """A change of the core, as a row of the chart."""
 
     name: str
     lost: dict[str, float]
     """Percent of packets, of the time to the first ID, or of the error, and wrong IDs more."""
     sigmas: dict[str, float]
     """Of wrong IDs with and without a marker together."""
-    time: float  # that a frame takes less [%]
+    time: float  # that a frame takes less [%], 0 if it was not measured
     lines: int  # of code less
 
     @property
-    def gains(self) -> bool:
-        """Whether anything is worse without it, beyond chance."""
+    def loses(self) -> bool:
+        """Whether anything is worse, beyond chance."""
         return max(self.sigmas.values()) > SIGMAS
 
 
 def _rows(figures: dict[str, Any]) -> list[Row]:
-    """Return all parts, those that gain most first, and of those that gain nothing the slowest."""
+    """Return all changes, in the order in which they were made."""
 
     def percent(row: dict[str, Any], name: str) -> float:
         if name not in FAMILIES:
@@ -126,22 +106,16 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
         of = figures['whole'][name][0 if name in _NEGATIVE else 1]
         return float(100 * row[name]['lost'] / abs(of))
 
-    parts = [
+    return [
         Row(
             row['off'],
             {name: percent(row, name) for name in _HEADS},
             {name: row[name if name in FAMILIES else _IDS]['sigmas'] for name in _HEADS},
-            row['time'],
+            row.get('time', 0.0),
             row['lines'],
         )
         for row in figures['rows']
     ]
-
-    def order(one: Row) -> tuple[bool, float]:
-        worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
-        return (not one.gains, -sum(worse) if one.gains else -one.time)
-
-    return sorted(parts, key=order)
 
 
 def _text(name: str, value: float) -> str:
@@ -151,30 +125,9 @@ def _text(name: str, value: float) -> str:
     return f'{value:+.{digits}f}'.replace('-', '\N{MINUS SIGN}')
 
 
-def table(figures: dict[str, Any]) -> Table:
-    """Return all figures, a row for each part; in brackets, in deviations of chance."""
-    heads = [head.replace('\n', ' ') for head in _HEADS.values()]
-    rows = [['without', *heads, 'time [%]', 'lines', 'gains']]
-    for one in _rows(figures):
-        cells = [f'{_text(name, one.lost[name])} ({one.sigmas[name]:+.1f})' for name in _HEADS]
-        saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}', 'yes' if one.gains else '']
-        rows.append([one.name, *cells, *saved])
-    return rows
-
-
-def _message(parts: Sequence[Row]) -> str:
-    gaining = [one for one in parts if one.gains]
-    rest = f'{len(gaining)} of {len(parts)} parts, or sets of them, gain more than by chance'
-    return f'{rest}; most: {gaining[0].name}' if gaining else rest
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw a map of what becomes worse without each part, and what time and lines are saved."""
-    parts = _rows(figures)
-    columns = len(_HEADS) + 2
-    figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(parts), _message(parts))
-    axis.grid(visible=False)
-    for y, one in enumerate(parts):
+def _draw_cells(axis: Any, rows: Sequence[Row]) -> None:
+    """Write what each change makes worse, on a shade if it is so beyond chance."""
+    for y, one in enumerate(rows):
         for x, name in enumerate(_HEADS):
             value, sigmas = one.lost[name], one.sigmas[name]
             colour, weight = '0.6', 'normal'
@@ -182,30 +135,135 @@ def draw(figures: dict[str, Any]) -> Any:
                 colour, weight = 'black', 'bold'
                 worse = SHADES[1] if name in FAMILIES else WRONG_COLOUR
                 alpha = 0.15 + 0.45 * min(abs(value) / _WORST, 1)
-                shade = {'color': worse if sigmas > 0 else '0.5', 'alpha': alpha, 'linewidth': 0}
-                axis.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, **shade)
-            how = {'ha': 'center', 'va': 'center', 'fontsize': 9}
-            axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **how)
-        by_chance = abs(one.time) <= max(3.0, figures['time_by_chance'])
-        saved = ((-one.time, by_chance), (-float(one.lines), not one.lines))
-        for last, (number, grey) in enumerate(saved):
-            x = len(_HEADS) + last
+                shade = worse if sigmas > 0 else '0.5'
+                axis.fill_between(
+                    [x - 0.5, x + 0.5], y - 0.5, y + 0.5, color=shade, alpha=alpha, linewidth=0
+                )
+            axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **_CENTRED)
+
+
+def _draw_saved(axis: Any, rows: Sequence[Row], time_by_chance: float) -> None:
+    """Write what time and lines each change saves, in grey what it may not."""
+    for y, one in enumerate(rows):
+        is_chance = abs(one.time) <= max(3.0, time_by_chance)
+        saved = ((-one.time, is_chance), (-float(one.lines), not one.lines))
+        for x, (number, grey) in enumerate(saved, len(_HEADS)):
             text = f'{number:+.0f}'.replace('-', '\N{MINUS SIGN}') if round(number) else '·'
-            axis.text(x, y, text, color='0.6' if grey else 'black', **how)
-    count = sum(one.gains for one in parts)
-    if count:
-        axis.axhline(count - 0.5, color='black', linewidth=1)
-    for border in (len(FAMILIES) - 0.5, len(_HEADS) - 0.5):
-        axis.axvline(border, color='0.8', linewidth=0.8)
-    axis.set(xlim=(-0.5, columns - 0.5), ylim=(len(parts) - 0.5, -0.5))
-    heads = [*_HEADS.values(), 'time\n[%]', 'lines\nof code']
-    axis.set_xticks(range(columns), heads, fontsize=9, rotation=90)
-    axis.set_yticks(range(len(parts)), [one.name for one in parts], fontsize=9)
-    axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
-    figure.supxlabel(
-        'What changes without it: packets lost [%], time or error more [%], IDs more.\n'
-        f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better without.\n'
-        'Those below the line gain nothing that shows in these scenes.',
-        fontsize=10,
+            axis.text(x, y, text, color='0.6' if grey else 'black', **_CENTRED)
+
+
+@dataclass(frozen=True)
+class CoreChanges:
+    """An experiment on some changes of the core, one at a time."""
+
+    TITLE: str
+    change: str  # what is done, as a heading of the table
+    changes: Callable[[], Mapping[str, Sequence[Part]]]  # by name
+    message: Callable[[Sequence[Row]], str]  # the title of the chart
+    is_ranked: bool = False  # by what is lost, not in the order of `changes`
+    is_timed: bool = False  # what is saved is measured, too: time and lines
+
+    def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
+        """Return what the detector loses by each change.
+
+        Raises ValueError before anything is run if the core has no such line any longer.
+        """
+        changes = self.changes()
+        check_changes(changes)
+        names = list(changes)[: 1 if quick else None]
+        seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.7, 6))
+
+        def measured(name: str) -> dict[str, Any]:
+            return _measured(name, changes.get(name, ()), seed, times)
+
+        # Each in a process of its own, one a core; times are measured alone.
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            whole, *others = pool.map(measured, ['', *names])
+        rows = [
+            {'off': name, **_against(whole, other)}
+            for name, other in zip(names, others, strict=True)
+        ]
+        sums = {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)}
+        figures: dict[str, Any] = {'whole': sums, 'rows': rows}
+        if self.is_timed:
+            for row in rows:
+                row['time'] = _time_less(changes[row['off']], seed, rooms)
+            # The change of time between two runs of the same core.
+            figures['time_by_chance'] = abs(_time_less((), seed, rooms))
+        return figures
+
+    def _rows(self, figures: dict[str, Any]) -> list[Row]:
+        """Return the rows; if ranked, what loses most first, and of the rest the slowest."""
+
+        def rank(one: Row) -> tuple[bool, float]:
+            worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
+            return (not one.loses, -sum(worse) if one.loses else -one.time)
+
+        rows = _rows(figures)
+        return sorted(rows, key=rank) if self.is_ranked else rows
+
+    def table(self, figures: dict[str, Any]) -> Table:
+        """Return all figures, a row for each change; in brackets, in deviations of chance."""
+        heads = [head.replace('\n', ' ') for head in _HEADS.values()]
+        rows = [[self.change, *heads, *(['time [%]', 'lines'] * self.is_timed), 'loses']]
+        for one in self._rows(figures):
+            cells = [f'{_text(name, one.lost[name])} ({one.sigmas[name]:+.1f})' for name in _HEADS]
+            saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}'] * self.is_timed
+            rows.append([one.name, *cells, *saved, 'yes' if one.loses else ''])
+        return rows
+
+    def draw(self, figures: dict[str, Any]) -> Any:
+        """Draw a map of what each change makes worse, and what time and lines it saves."""
+        rows = self._rows(figures)
+        heads = [*_HEADS.values(), *(['time\n[%]', 'lines\nof code'] * self.is_timed)]
+        figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(rows), self.message(rows))
+        axis.grid(visible=False)
+        _draw_cells(axis, rows)
+        if self.is_timed:
+            _draw_saved(axis, rows, figures['time_by_chance'])
+        count = sum(one.loses for one in rows)
+        if self.is_ranked and count:
+            axis.axhline(count - 0.5, color='black', linewidth=1)
+        for border in (len(FAMILIES) - 0.5, len(_HEADS) - 0.5):
+            axis.axvline(border, color='0.8', linewidth=0.8)
+        axis.set(xlim=(-0.5, len(heads) - 0.5), ylim=(len(rows) - 0.5, -0.5))
+        axis.set_xticks(range(len(heads)), heads, fontsize=9, rotation=90)
+        axis.set_yticks(range(len(rows)), [one.name for one in rows], fontsize=9)
+        axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
+        figure.supxlabel(
+            f'What changes {self.change}: packets lost [%], time or error more [%], IDs more.\n'
+            f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.',
+            fontsize=10,
+        )
+        return figure
+
+
+def _parts_message(parts: Sequence[Row]) -> str:
+    count = sum(one.loses for one in parts)
+    return f'{count} of {len(parts)} parts, or sets of them, gain more than by chance' + (
+        f'; most: {parts[0].name}' if count else ''
     )
-    return figure
+
+
+def _numbers_message(rows: Sequence[Row]) -> str:
+    names = {one.name.split()[0]: False for one in rows}
+    names |= {one.name.split()[0]: True for one in rows if one.loses}
+    better = sum(min(one.sigmas.values()) < -SIGMAS and not one.loses for one in rows)
+    return (
+        f'{sum(names.values())} of {len(names)} numbers matter, halved or doubled; '
+        f'{better} of {len(rows)} changes would be better and nowhere worse'
+    )
+
+
+CORE_CHANGES = {
+    'parts': CoreChanges(
+        'What each part gains',
+        'without',
+        part_changes,
+        _parts_message,
+        is_ranked=True,
+        is_timed=True,
+    ),
+    'numbers': CoreChanges('What each number gains', 'with', number_changes, _numbers_message),
+}
+"""By the name of the experiment."""

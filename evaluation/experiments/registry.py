@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.experiments import false_ids
+from evaluation.experiments.core_changes import CORE_CHANGES
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.chart_style import mark_rough
 from evaluation.report.claims import markdown, write_figures
@@ -31,15 +32,16 @@ from retrolidar_ros.cli.processes import end_with_parent
 _NAMES = """
     speed-accuracy time-to-id peers roc false-ids rooms stability moving tracks
     track-ends laboratory coffee drone several place ranging bound chain ids link reading reach size
-    angle yaw ambient marker landmarks parts
+    angle yaw ambient marker landmarks parts numbers
 """
+_OBJECTS: dict[str, Any] = SWEEPS | CORE_CHANGES
 EXPERIMENTS: dict[str, Any] = {
-    name: SWEEPS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
+    name: _OBJECTS.get(name) or import_module(f'evaluation.experiments.{name.replace("-", "_")}')
     for name in _NAMES.split()
 }
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 _LONGEST = ('rooms', 'roc', 'stability', 'moving')  # begun first, so that none is waited for
-LONG = ('false-ids', 'parts', 'track-ends')
+LONG = ('false-ids', 'parts', 'numbers', 'track-ends')
 """Those that take long, and so run by their names only; `false-ids` has a run of its own."""
 
 

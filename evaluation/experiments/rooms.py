@@ -20,6 +20,7 @@ TITLE = 'Random rooms'
 ROOMS, QUICK_ROOMS = 300, 8
 _MARGINS = (0, 8, 10, 12, 15, 20, 25, 29.9)  # [nats]
 _CELL = ('sending', 'motion', 'company', 'signal')
+_TWO_SIGMAS = 1.96  # that 95 % are within
 _FEW = 30  # packets, whose share says little
 _DARK = 0.55  # a share from which the map is dark
 _BOLD = {'fontsize': 13, 'fontweight': 'bold'}
@@ -93,6 +94,7 @@ def _place(results: Sequence[RoomResult], company: str, motion: str) -> dict[str
     """Return how far right readings are from their markers."""
     placed = [one for result in results for one in result.scored.placed]
     own = [one for one in placed if (one.company, one.motion) == (company, motion)]
+    inside = [abs(one.range_deviations) <= _TWO_SIGMAS for one in own]
 
     def quantiles(errors: list[float]) -> list[float] | None:
         """Return what half, and what nine tenths are less off than."""
@@ -104,6 +106,7 @@ def _place(results: Sequence[RoomResult], company: str, motion: str) -> dict[str
         'readings': len(own),
         'range_mm': quantiles([1e3 * abs(one.error.range_m) for one in own]),
         'bearing_zones': quantiles([max(map(abs, one.bearing_zones)) for one in own]),
+        'range_holds': rate(sum(inside), len(inside)) if inside else None,
         'ellipsoid_holds': held([one.error.squared_distance for one in own]),
     }
 
@@ -151,14 +154,15 @@ def wrong_table(figures: dict[str, Any]) -> Table:
 
 def place_table(figures: dict[str, Any]) -> Table:
     """Return errors of places by company and motion."""
-    heads = ['right readings', 'range, half and nine tenths within', 'in the 95 % ellipsoid']
+    heads = ['right readings', 'range, half and nine tenths within']
+    heads += ['in its 95 % interval', 'place in the 95 % ellipsoid']
     rows = [['', *heads]]
     for one in figures['places']:
         if one['readings']:
             name = f'{_COMPANY.get(one["company"], one["company"])}, {_MOTIONS[one["motion"]]}'
             half, most = one['range_mm']
-            holds = percent(one['ellipsoid_holds'])
-            rows.append([name, str(one['readings']), f'{half:.1f}, {most:.0f} mm', holds])
+            holds = [percent(one[what]) for what in ('range_holds', 'ellipsoid_holds')]
+            rows.append([name, str(one['readings']), f'{half:.1f}, {most:.0f} mm', *holds])
     return rows
 
 

@@ -132,7 +132,7 @@ class TransformSender:
         """Take a transform from any node."""
         child, stamp_ns = transform.child_frame_id, to_ns(transform.header.stamp)
         with self._lock:
-            sent = self._sent.get(child, ())
+            sent = self._sent.get(child, deque[int]())
             # One older than all that are kept may be our own.
             is_known = len(sent) == _KEPT and stamp_ns < sent[0]
             if sent and not is_known and stamp_ns not in sent:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,9 +27,9 @@ KNOWN_S = 2.0  # a marker that repeats is read before
 GONE_S = 0.5
 
 
-def follow(frames: Iterable[Frame]) -> tuple[LikelihoodDetector, list[list[Track]]]:
+def follow(frames: Iterable[Frame], **options: Any) -> tuple[LikelihoodDetector, list[list[Track]]]:
     """Give frames to a detector; return it, and the tracks at each frame."""
-    detector = create_detector('joint', GRID)
+    detector = create_detector('joint', GRID, **options)
     assert isinstance(detector, LikelihoodDetector)
     tracks = []
     for frame in frames:
@@ -123,13 +124,10 @@ def test_a_rate_of_range_begins_right_however_short_the_exposure_is() -> None:
     model = replace(VL53L8CX, exposure=0.3)
     x, y, z = a_scene().markers[0].position_m
     path = tuple(Waypoint(6.0 * to, (by * x, by * y, by * z)) for to, by in enumerate((0.8, 2.0)))
-    frames = simulate(ranging_scene(path=path, position_m=(math.nan,) * 3))
-    detector = create_detector('joint', GRID, sensor=model)
-    tracks: list[Track] = []
-    for frame in frames:
-        detector.update(frame)
-        tracks += detector.follow(frame)
-    rate_m_s = float(tracks[0].velocity @ tracks[0].place.position_m) / tracks[0].place.range_m
+    scene = ranging_scene(path=path, position_m=(math.nan,) * 3)
+    _, tracks = follow(simulate(scene), sensor=model)
+    first = next(one for frame in tracks for one in frame)
+    rate_m_s = float(first.velocity @ first.place.position_m) / first.place.range_m
     assert rate_m_s == pytest.approx(0.2 * math.sqrt(x * x + y * y + z * z), rel=0.3)
 
 
