@@ -297,6 +297,8 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     for one in mug:
         assert min(squared(one, MUG_M), squared(one, there_m)) < MAX_MAHALANOBIS
     assert observer.services.trigger('landmarks/forget').success
+    poses = f'{observer.namespace}/landmarks/objects/mug'
+    observer.wait(lambda: observer.node.count_publishers(poses) == 0, 'that no old pose is kept')
     answer = observer.services.trigger('landmarks/save')
     assert not answer.success
     assert 'nothing is placed' in answer.message

@@ -25,7 +25,7 @@ from retrolidar_ros.nodes.conversion import (
     to_track_msg,
     to_transform,
 )
-from retrolidar_ros.nodes.qos import EVENTS, LATCHED, publisher, topics_of
+from retrolidar_ros.nodes.qos import EVENTS, latched, publisher, topics_of
 from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.nodes.visualization import marker_shapes
 from retrolidar_ros.sensor.frame import Frame
@@ -69,8 +69,7 @@ class DetectorTopics:
             known = {}
         topics = topics_of('poses/', [marker.frame for marker in known.values()])
         self._poses = {
-            marker.id: publisher(node, PoseStamped, topics[marker.frame], LATCHED)
-            for marker in known.values()
+            marker.id: latched(node, PoseStamped, topics[marker.frame]) for marker in known.values()
         }
         self._beat_s = -math.inf
         self._sent_ns = self._drawn_ns = self._dropped = 0

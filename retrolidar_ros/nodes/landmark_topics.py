@@ -67,6 +67,14 @@ class LandmarkTopics:
                     f'{parent}, by another node; set child_frame'
                 )
 
+    def forget(self) -> None:
+        """Forget all landmarks: their latched poses, too, and whose frames others send."""
+        for pose in self._poses.values():
+            self._node.destroy_publisher(pose)
+        self._poses.clear()
+        self._taken.clear()
+        self._shapes_due = True
+
     def change(self) -> None:
         """Take note that landmarks have changed that are not published."""
         self._shapes_due = True

@@ -181,6 +181,7 @@ class LandmarksNode(Node):
 
     def _forget(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._survey.forget()
+        self._topics.forget()
         self._restart()
         response.success = True
         response.message = 'all landmarks are forgotten; files stay'

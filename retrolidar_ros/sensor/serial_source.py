@@ -24,6 +24,7 @@ from retrolidar_ros.sensor.wire import FrameReader, WireCounts
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
+_WRITE_TIMEOUT_S = 1.0  # of a device that takes no bytes any longer
 _MAX_BYTES = 4096
 
 
@@ -137,7 +138,9 @@ class SerialSource:
         """Open the port for this program alone; OSError if that fails."""
         try:
             # This empties the buffers: old bytes arrive at a meaningless time.
-            line = serial.Serial(self.port, self.baud, exclusive=True)
+            line = serial.Serial(
+                self.port, self.baud, exclusive=True, write_timeout=_WRITE_TIMEOUT_S
+            )
         except (ValueError, termios.error) as error:  # a baud rate it cannot do; a port just gone
             raise OSError(*error.args) from error
         except serial.SerialException as error:

@@ -10,6 +10,8 @@ import re
 from collections import Counter
 from pathlib import Path
 
+from evaluation.bench.core_numbers import NUMBERS, number_changes
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'detector.md'
 HEADER = '|name|file|value|unit|from|\n|---|---|---|---|---|\n'
@@ -94,6 +96,15 @@ def test_every_number_says_where_it_comes_from() -> None:
     explained = set(re.findall(r'\*(\w+)\*', before.rpartition('\n## ')[2]))
     lines = after.partition('\n\n')[0].splitlines()
     assert {line[1:-1].split('|')[4] for line in lines} == explained
+
+
+def test_those_that_were_swept_are_those_of_the_experiment() -> None:
+    page = PAGE.read_text(encoding='utf-8')
+    swept = re.findall(r'^\|`(\w+)`\|(\w+)\|.*\|swept\|$', page, re.M)
+    in_experiment = [(name, file.split('.')[0]) for file in NUMBERS for name in NUMBERS[file]]
+    assert sorted(swept) == sorted(in_experiment)
+    for name, (change,) in number_changes().items():
+        assert change.without != change.line, name
 
 
 def test_of_what_numbers_are_found() -> None:
