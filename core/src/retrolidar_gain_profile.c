@@ -12,26 +12,25 @@
 /* What keeps the gain of a knot near to those beside it, as a share of the mean energy. */
 static const double STIFFNESS = 0.02;
 
-/* Which knot is the last one before a row, and how far beyond it the row is, 0 to 1. */
-static int knot_of(int row, int rows, double *beyond)
+/* Where a row is between the last knot before it and the one after it. */
+struct between {
+    int knot;
+    double beyond; /* the former, 0 to 1 */
+};
+
+static struct between between_knots(int row, double knots_a_row)
 {
-    const double at = rows > 1 ? (double)row * (RL_KNOTS - 1) / (rows - 1) : 0.0;
+    const double at = row * knots_a_row;
     const int knot = at < RL_KNOTS - 1 ? (int)at : RL_KNOTS - 2;
-    *beyond = at - knot;
-    return knot;
+    return (struct between){knot, at - knot};
 }
 
-/* Add the light of a row to the two knots around it; return the first of them. */
-static int add_light(double column[RL_KNOTS], int row, int rows, double light)
+static double knots_a_row(int rows)
 {
-    double beyond;
-    const int knot = knot_of(row, rows, &beyond);
-    column[knot] += (1.0 - beyond) * light;
-    column[knot + 1] += beyond * light;
-    return knot;
+    return rows > 1 ? (RL_KNOTS - 1.0) / (rows - 1) : 0.0;
 }
 
-/* Solve a symmetric positive system in place, by Cholesky's factors. */
+/* Solve a symmetric positive system in place, by Cholesky's factors, of its lower triangle. */
 static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
 {
     for (int i = 0; i < RL_KNOTS; i++) {
@@ -57,7 +56,9 @@ static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
     }
 }
 
-/* Products of the light of the knots, their sums with the signal, and squares of it: of steps. */
+/* Products of the light of the knots, of which each row has its light on the two around it, their
+ * sums with the signal, and squares of it: of steps.
+ */
 struct sums {
     double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total;
     int steps;
@@ -66,24 +67,32 @@ struct sums {
 static struct sums sums_of(const float *signal, const uint8_t *valid, const double *light, int rows)
 {
     struct sums sums = {.steps = 0};
-    for (int row = 0, before = -1; row < rows; row++) {
+    const double density = knots_a_row(rows);
+    double on[2] = {0.0, 0.0}; /* light of the row before on its knots, of which this is the first */
+    for (int row = 0, before = -1, first = 0; row < rows; row++) {
         if (!valid[row]) {
             continue;
         }
+        const struct between now = between_knots(row, density);
+        const double after = now.beyond * light[row];
         if (before >= 0) {
-            double column[RL_KNOTS] = {0.0};
+            double column[RL_KNOTS] = {-on[0], -on[1]};
             const double step = (double)signal[row] - (double)signal[before];
-            const int first = add_light(column, before, rows, -light[before]);
-            const int last = add_light(column, row, rows, light[row]) + 1;
-            for (int i = first; i <= last; i++) {
-                for (int j = first; j <= last; j++) {
-                    sums.normal[i][j] += column[i] * column[j];
+            const int last = now.knot + 1 - first;
+            column[last - 1] += light[row] - after;
+            column[last] += after;
+            for (int i = 0; i <= last; i++) {
+                for (int j = 0; j <= i; j++) {
+                    sums.normal[first + i][first + j] += column[i] * column[j];
                 }
-                sums.right[i] += column[i] * step;
+                sums.right[first + i] += column[i] * step;
             }
             sums.total += step * step;
             sums.steps++;
         }
+        on[0] = light[row] - after;
+        on[1] = after;
+        first = now.knot;
         before = row;
     }
     return sums;
@@ -98,8 +107,8 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     for (int i = 0; i < RL_KNOTS; i++) {
         energy += sums.normal[i][i] / RL_KNOTS;
         common += right[i];
-        for (int j = 0; j < RL_KNOTS; j++) {
-            all += sums.normal[i][j];
+        for (int j = 0; j <= i; j++) {
+            all += (j < i ? 2.0 : 1.0) * sums.normal[i][j];
         }
     }
     for (int i = 0; i < RL_KNOTS; i++) {
@@ -107,7 +116,6 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
         sums.normal[i][i] += (i > 0 && i + 1 < RL_KNOTS ? 2.0 : 1.0) * stiff;
         if (i > 0) {
             sums.normal[i][i - 1] -= stiff;
-            sums.normal[i - 1][i] -= stiff;
         }
     }
     solve(sums.normal, right);
@@ -132,7 +140,6 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
 
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)
 {
-    double beyond;
-    const int knot = knot_of(row, rows, &beyond);
-    return (1.0 - beyond) * gain[knot] + beyond * gain[knot + 1];
+    const struct between at = between_knots(row, knots_a_row(rows));
+    return (1.0 - at.beyond) * gain[at.knot] + at.beyond * gain[at.knot + 1];
 }

@@ -12,14 +12,16 @@
 #ifndef RETROLIDAR_LIKELIHOOD_H
 #define RETROLIDAR_LIKELIHOOD_H
 
+#include "retrolidar_constants.h"
 #include "retrolidar_memory.h"
 
 #include <stdbool.h>
 
 enum {
-    RL_MAX_INTERFERERS = 13, /* columns of other light, fitted along with any template */
-    RL_WALKS = 9,           /* values of q that are tried */
-    RL_WALK_LANES = 10,     /* the same, made even */
+    /* Columns of other light, fitted along with any template: knots of a reference, or packets. */
+    RL_MAX_INTERFERERS = RL_PARTS + 5,
+    RL_WALKS = 9,       /* values of q that are tried */
+    RL_WALK_LANES = 10, /* the same, made even */
 };
 
 /* Samples of a channel in a window, whitened for every q. */

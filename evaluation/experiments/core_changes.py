@@ -171,7 +171,7 @@ class CoreChanges:
         changes = self.changes()
         check_changes(changes)
         names = list(changes)[: 1 if quick else None]
-        seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.7, 6))
+        seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.5, 4))
 
         def measured(name: str) -> dict[str, Any]:
             return _measured(name, changes.get(name, ()), seed, times)
