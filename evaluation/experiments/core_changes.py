@@ -231,7 +231,7 @@ class CoreChanges:
         axis.set_yticks(range(len(rows)), [one.name for one in rows], fontsize=9)
         axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
         figure.supxlabel(
-            f'What changes {self.change}: packets lost [%], time or error more [%], IDs more.\n'
+            f'What changes {self.change} it: packets lost [%], time or error more [%], IDs more.\n'
             f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.',
             fontsize=10,
         )
@@ -249,10 +249,8 @@ def _numbers_message(rows: Sequence[Row]) -> str:
     names = {one.name.split()[0]: False for one in rows}
     names |= {one.name.split()[0]: True for one in rows if one.loses}
     better = sum(min(one.sigmas.values()) < -SIGMAS and not one.loses for one in rows)
-    return (
-        f'{sum(names.values())} of {len(names)} numbers matter, halved or doubled; '
-        f'{better} of {len(rows)} changes would be better and nowhere worse'
-    )
+    matter = f'{sum(names.values())} of {len(names)} numbers matter, halved or doubled'
+    return f'{matter}; {better or "no"} other value is better and nowhere worse'
 
 
 CORE_CHANGES = {
