@@ -18,9 +18,9 @@ struct between {
     double beyond; /* the former, 0 to 1 */
 };
 
-static struct between between_knots(int row, double knots_a_row)
+static struct between between_knots(int row, double density)
 {
-    const double at = row * knots_a_row;
+    const double at = row * density;
     const int knot = at < RL_KNOTS - 1 ? (int)at : RL_KNOTS - 2;
     return (struct between){knot, at - knot};
 }

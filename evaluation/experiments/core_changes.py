@@ -230,9 +230,12 @@ class CoreChanges:
         axis.set_xticks(range(len(heads)), heads, fontsize=9, rotation=90)
         axis.set_yticks(range(len(rows)), [one.name for one in rows], fontsize=9)
         axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
+        below = '\nThose below the line gain nothing that shows in these scenes.'
         figure.supxlabel(
             f'What changes {self.change} it: packets lost [%], time or error more [%], IDs more.\n'
-            f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.',
+            f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.'
+            + below
+            * self.is_ranked,
             fontsize=10,
         )
         return figure

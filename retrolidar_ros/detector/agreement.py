@@ -39,11 +39,11 @@ class Agreement:
     def followed(self, tracks: Sequence[Track]) -> list[Track]:
         """Return the tracks of markers with a confirmed reading since they began."""
         # A reading after the track's frame is of before the time went back.
-        passed_ns = [self._passed_ns.get(one.id, one.first_ns - 1) for one in tracks]
+        passed_ns = self._passed_ns
         return [
             one
-            for one, at_ns in zip(tracks, passed_ns, strict=True)
-            if one.first_ns <= at_ns <= one.stamp_ns
+            for one in tracks
+            if one.first_ns <= passed_ns.get(one.id, one.first_ns - 1) <= one.stamp_ns
         ]
 
     def _is_confirmed(self, reading: Detection) -> bool:

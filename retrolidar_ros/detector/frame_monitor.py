@@ -75,9 +75,7 @@ class FrameMonitor:
             self.unsent += missing - lost
             self.reversed += frame.sequence < last.sequence
             if not 0 <= step_ns <= _PAUSE_NS:
-                # A detector begins anew, too.
-                self.newest.clear()
-                self._zone = self._found = self._finding = None
+                self.restart(frame.grid)  # as a detector does
         if not self.newest:
             self._explained_ns[:] = frame.stamp_ns
         self.newest.append(frame)
@@ -101,7 +99,7 @@ class FrameMonitor:
         if len(self.newest) < _MIN_KEPT:
             return None
         now_ns = self.newest[-1].stamp_ns
-        if abs(now_ns - self._looked_ns) >= 1e9 * _LOOKING_S[self._looks >= _HASTY]:
+        if now_ns - self._looked_ns >= 1e9 * _LOOKING_S[self._looks >= _HASTY]:
             self._looked_ns = now_ns
             self._look(now_ns, settings)
         return self._finding
@@ -111,12 +109,11 @@ class FrameMonitor:
         recording = Recording.of(list(self.newest))
         law = settings.noise.lit(recording.ambient)
         quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
-        # Stamps may go back, where a bag is played again.
-        self._explained_ns[quiet | (self._explained_ns > now_ns)] = now_ns
+        self._explained_ns[quiet] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
         if self._zone is not None and waited_s[self._zone] >= _PATIENCE_S:
             self._until_ns = now_ns + _REMEMBERED_NS
-        elif not 0 <= self._until_ns - now_ns <= _REMEMBERED_NS:
+        elif self._until_ns < now_ns:
             self._zone, self._found, self._finding, self._looks = None, None, None, 0
         if self._zone is None:
             if waited_s.max() < _PATIENCE_S:
