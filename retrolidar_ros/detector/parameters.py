@@ -15,8 +15,7 @@ from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
-from retrolidar_ros.settings.parameter import declared
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.parameter import declared, file_values
 
 READING = (
     *('method', 'bit_period', 'false_ids_per_hour', 'max_packets', 'marker_file'),
@@ -34,18 +33,7 @@ def defaults() -> dict[str, Any]:
 
 def load_parameters(path: Path) -> dict[str, Any]:
     """Return what a parameter file says of detectors; OSError or ValueError if it is wrong."""
-    content = load_yaml(path)
-    found: dict[str, Any] = {}
-    if not isinstance(content, Mapping):
-        raise ValueError(f'{path}: is no parameter file: it has no nodes')
-    for node, section in content.items():
-        if str(node).rsplit('/', 1)[-1] not in ('detector', '**'):
-            continue
-        if not isinstance(section, Mapping) or 'ros__parameters' not in section:
-            raise ValueError(f'{path}: {node} has no ros__parameters')
-        found.update(section['ros__parameters'] or {})
-    if not any('ros__parameters' in one for one in content.values() if isinstance(one, Mapping)):
-        raise ValueError(f'{path}: is no parameter file: no node has ros__parameters')
+    found = file_values(path, 'detector')
     known = declared()['detector']
     for name, value in found.items():
         if name not in known:

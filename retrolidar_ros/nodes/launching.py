@@ -32,8 +32,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from retrolidar_ros.detector.parameters import known_markers
-from retrolidar_ros.settings.parameter import declared
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.parameter import declared, file_values
 
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
@@ -142,30 +141,18 @@ def list_argument(context: LaunchContext, name: str) -> list[Any]:
     return items
 
 
-def _parameter_file(context: LaunchContext) -> str:
-    """Return the path of the parameter file; RuntimeError if it is none, which rcl ignores."""
-    path = value(context, 'params_file')
-    if not Path(path).is_file():
-        raise RuntimeError(f'params_file:={path}: there is no such file')
-    if b'ros__parameters' not in Path(path).read_bytes():
-        raise RuntimeError(f'params_file:={path}: it has no ros__parameters')
-    return path
+def _file_values(context: LaunchContext, kind: str) -> dict[str, Any]:
+    """Return what the parameter file says of a node; RuntimeError if it is none."""
+    try:
+        return file_values(Path(value(context, 'params_file')), kind)
+    except (OSError, ValueError) as error:
+        raise RuntimeError(f'params_file:={error}') from error
 
 
 def parameter(context: LaunchContext, kind: str, name: str) -> Any:
     """Return a launch argument, or the parameter of a node of that name, as the file has it."""
-    if text := value(context, name):
-        return text
-    found = declared()[kind][name].default
-    path = _parameter_file(context)
-    for key, section in load_yaml(Path(path)).items():
-        if not isinstance(section, dict) or 'ros__parameters' not in section:
-            raise RuntimeError(
-                f'params_file:={path}: {key} has no ros__parameters; add them, or take it out'
-            )
-        if str(key).rpartition('/')[2] in (kind, '**'):
-            found = (section['ros__parameters'] or {}).get(name, found)
-    return found
+    default = declared()[kind][name].default
+    return value(context, name) or _file_values(context, kind).get(name, default)
 
 
 def node(
@@ -173,6 +160,7 @@ def node(
 ) -> Node:
     """Return a node of the package, with parameters that go before those of the file."""
     parameters = dict(parameters)
+    _file_values(context, executable)
     if 'marker_file' in declared()[executable]:
         known_markers({'marker_file': parameter(context, executable, 'marker_file')})
     level = value(context, 'log_level')
@@ -185,7 +173,7 @@ def node(
         package='retrolidar_ros',
         executable=executable,
         namespace=value(context, 'namespace'),
-        parameters=[_parameter_file(context), *([parameters] if parameters else [])],
+        parameters=[value(context, 'params_file'), *([parameters] if parameters else [])],
         ros_arguments=['--log-level', level],
         respawn=is_on(context, 'respawn'),
         # A misconfigured node is removed within this delay.

@@ -8,13 +8,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
 
+_OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 _COMMENTED = re.compile(r'((?:^    # .*\n)+)    (\w+):', re.M)
 _COMMENT = re.compile(r'(.+?)(?: Range: (\S+) to (\S+)\.)?(?: One of: (.+?)\.)?( Live\.)?')
 
@@ -100,3 +102,25 @@ def declared() -> dict[str, dict[str, Parameter]]:
             for name, default in defaults[f'/**/{node}']['ros__parameters'].items()
         }
     return nodes
+
+
+def file_values(path: Path, kind: str) -> dict[str, Any]:
+    """Return what a parameter file says of nodes of a kind; OSError or ValueError if it is none.
+
+    Left out are ROS's own parameters, and what is said of all nodes (`/**`) but not known here.
+    """
+    content = load_yaml(path)
+    if not isinstance(content, Mapping) or 'ros__parameters' not in str(content):
+        raise ValueError(f'{path}: is no parameter file: it has no ros__parameters')
+    found: dict[str, Any] = {}
+    for node, section in content.items():
+        name = str(node).rpartition('/')[2]
+        if not isinstance(section, Mapping) or 'ros__parameters' not in section:
+            raise ValueError(f'{path}: {node} has no ros__parameters; add them, or take it out')
+        if name not in (kind, '**'):
+            continue
+        for key, value in (section['ros__parameters'] or {}).items():
+            known = key in declared()[kind]
+            if known or (name == kind and key.partition('.')[0] not in _OF_ROS):
+                found[key] = value
+    return found

@@ -31,9 +31,11 @@ class Heartbeat:
         """Take a detection, or a track whose light was last seen `unseen_s` before [s]."""
         self.advance(time_s)
         seen_s = time_s - unseen_s
+        if unseen_s and seen_s <= self._last_s:  # its light has been counted
+            return
         self._longest_s = max(self._longest_s, seen_s - self._last_s)
         self._last_s = max(self._last_s, seen_s)
-        self._beats_in_window += 1
+        self._beats_in_window += seen_s >= self._window_start_s
         self.beats += 1
 
     def advance(self, time_s: float) -> None:

@@ -12,6 +12,7 @@ import yaml
 pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
 from retrolidar_ros.cli.main import main
+from retrolidar_ros.detector.parameters import load_parameters
 from retrolidar_ros.scene import parse_scene
 from retrolidar_ros.scene.emulator import record
 
@@ -122,6 +123,7 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
         ('/**/detector: {ros__parameters: {bit_period: 99.0}}', '99.0 is not within 0.002 to 10'),
         ('/**/detector: {bit_period: 1}', 'has no ros__parameters'),
         ('[]', 'is no parameter file'),
+        ('# ros__parameters', 'is no parameter file'),
         ('{markers: {id: 1}}', 'is no parameter file'),
     ],
 )
@@ -130,3 +132,12 @@ def test_bad_parameters_are_named(text: str, message: str, tmp_path: Path, capsy
     bag = bag_of(tmp_path, 1)
     assert main(['decode', bag, '--params', str(tmp_path / 'p.yaml')]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_what_nodes_accept_the_command_accepts(tmp_path: Path) -> None:
+    """ROS's own parameters, and what `/**` says of other nodes."""
+    qos = 'qos_overrides./retrolidar/frames.subscription: {depth: 9}'
+    shared = f'/**: {{ros__parameters: {{use_sim_time: true, {qos}, serial_port: x}}}}\n'
+    own = f'/**/detector: {{ros__parameters: {{use_sim_time: true, {qos}, bit_period: 0.05}}}}\n'
+    (tmp_path / 'p.yaml').write_text(shared + own)
+    assert load_parameters(tmp_path / 'p.yaml') == {'bit_period': 0.05}
