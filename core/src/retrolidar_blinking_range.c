@@ -47,10 +47,7 @@ static void subtract(const double *other, int rows, double *column)
     }
 }
 
-/* Make the light of the others, and then the marker's own, orthogonal to all before. Return the
- * energy of the latter.
- */
-static double orthogonalise(const struct rl_seen *seen, const uint8_t *role)
+double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role)
 {
     const int rows = seen->rows;
     memcpy(seen->alone, seen->light, (size_t)rows * sizeof *seen->alone);
@@ -100,7 +97,7 @@ bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double a
                        struct rl_ranged *found, double *others)
 {
     const int rows = seen->rows;
-    const double energy = orthogonalise(seen, role);
+    const double energy = rl_orthogonalise(seen, role);
     double gain = 0.0, count = 0.0, from_m = about_m, slope = 0.0, mean = 0.0, squares = 0.0;
     for (int row = 0; row < rows; row++) {
         gain += seen->alone[row] * (double)seen->signal[row];

@@ -14,6 +14,13 @@
 
 #include "retrolidar_ranging.h"
 
+/* Make the light of the others, and then the marker's own, orthogonal to all before. Return the
+ * energy of the latter.
+ *
+ * role: of each sample; those with 0 are not used
+ */
+double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
+
 /* Find the distance of what blinks, from a first guess; false where nothing does. Then `alone` is
  * what is left over, over the gain [m].
  *

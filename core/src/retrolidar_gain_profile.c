@@ -126,13 +126,12 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     const double steady = all > 0.0 ? common * common / all : 0.0;
     const double changed = fmax(sums.total - explained, 1e-12);
     const double worth = 0.5 * sums.steps * log((sums.total - steady) / changed);
-    const bool changes = worth > RL_COST_OF_GAIN * (RL_KNOTS - 1);
+    const bool changes = worth > rl_price_of_profile();
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
     /* A marker that happens to begin with another one has its preamble, too. */
-    const double price =
-        2.0 * RL_COST_OF_CHANCE + (changes ? RL_COST_OF_GAIN * (RL_KNOTS - 1) : 0.0);
+    const double price = 2.0 * RL_COST_OF_CHANCE + (changes ? rl_price_of_profile() : 0.0);
     const double taken = changes ? explained : steady;
     const double left = fmax((sums.total - taken) / fmax(sums.steps, 1.0), 1e-12);
     return (struct rl_gain_profile){taken / (2.0 * left) - price, common, all};

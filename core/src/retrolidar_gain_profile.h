@@ -11,6 +11,12 @@
 
 enum { RL_KNOTS = RL_PARTS - 1 };
 
+/* What the knots of a gain that changes must explain [nats]: a steady one has one. */
+static inline double rl_price_of_profile(void)
+{
+    return RL_COST_OF_GAIN * (RL_KNOTS - 1);
+}
+
 struct rl_gain_profile {
     double nats;          /* by which it explains the steps better than nothing, less its price */
     double cross, energy; /* whose ratio is the gain, if it does not change */

@@ -3,6 +3,7 @@
  */
 #include "retrolidar_placement.h"
 
+#include "retrolidar_blinking_range.h"
 #include "retrolidar_detector_state.h"
 #include "retrolidar_ranging.h"
 
@@ -66,34 +67,43 @@ static void lay_others(const struct rl_detector *detector, const struct rl_readi
         const struct rl_active_track *track = &pool->track[i];
         if (track->id != reading->id && (track->zones >> zone & 1u) != 0 &&
             track->train.end_s > reading->begin_s && track->train.begin_s < reading->end_s) {
-            rl_train_light(&track->train, true, seen->begin_s, seen->end_s, seen->rows,
-                           seen->other + seen->others++ * seen->rows);
+            rl_train_light(&track->train, track->train.transmission.repeats, seen->begin_s,
+                           seen->end_s, seen->rows, seen->other + seen->others++ * seen->rows);
         }
     }
 }
 
+/* How much the signal rises with light that has no mean. */
+static double rise_with(const struct rl_seen *seen, const double *light)
+{
+    double cross = 0.0, energy = 1e-9;
+    for (int row = 0; row < seen->rows; row++) {
+        cross += light[row] * (double)seen->signal[row];
+        energy += light[row] * light[row];
+    }
+    return cross / energy;
+}
+
 static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude *amplitude)
 {
-    double count = 0.0, light = 0.0, signal = 0.0, energy = 0.0, cross = 0.0;
+    const double energy = fmax(rl_orthogonalise(seen, seen->valid), 1e-9);
+    const double rise = rise_with(seen, seen->alone);
+    double of_other[RL_MAX_OTHERS], count = 0.0, signal = 0.0;
+    for (int i = 0; i < seen->others; i++) {
+        of_other[i] = rise_with(seen, seen->other + i * seen->rows);
+    }
     for (int row = 0; row < seen->rows; row++) {
         count += seen->valid[row];
-        light += seen->valid[row] ? seen->light[row] : 0.0;
         signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
     }
-    light /= fmax(count, 1.0);
     signal /= fmax(count, 1.0);
-    for (int row = 0; row < seen->rows; row++) {
-        const double change = seen->valid[row] ? seen->light[row] - light : 0.0;
-        energy += change * change;
-        cross += change * (double)seen->signal[row];
-    }
-    energy = fmax(energy, 1e-9);
-    const double rise = cross / energy;
     double power = 0.0, alike = 0.0, before = 0.0;
     for (int row = 0; row < seen->rows; row++) {
-        const double change = seen->light[row] - light;
-        const double left =
-            seen->valid[row] ? (double)seen->signal[row] - signal - rise * change : 0.0;
+        double left = (double)seen->signal[row] - signal - rise * seen->alone[row];
+        for (int i = 0; i < seen->others; i++) {
+            left -= of_other[i] * seen->other[i * seen->rows + row];
+        }
+        left = seen->valid[row] ? left : 0.0;
         power += left * left;
         alike += left * before;
         before = left;
@@ -120,24 +130,23 @@ static bool is_near(const struct rl_samples *samples, const struct rl_reading *r
     return rl_zone_beside(zone, reading->zone[0], samples->columns_of_zones);
 }
 
-/* The zones that saw the packet, strongest first. */
+/* The zones that saw the packet, those first whose light is strongest for certain: another marker
+ * that is not known yet may add or take much.
+ */
 static void choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
                          const struct amplitude *amplitude, struct rl_placement *placement)
 {
-    const int read = reading->zone[0];
-    double most = amplitude->of[read];
-    bool saw[RL_MAX_ZONES];
+    double certain[RL_MAX_ZONES], most = 0.0;
     for (int zone = 0; zone < samples->zones; zone++) {
-        const double of = amplitude->of[zone];
-        saw[zone] = is_near(samples, reading, zone) &&
-                    of > RL_MIN_SEEN * sqrt(amplitude->variance[zone]);
-        most = saw[zone] ? fmax(most, amplitude->of[zone]) : most;
+        const double doubt = RL_MIN_SEEN * sqrt(amplitude->variance[zone]);
+        certain[zone] = is_near(samples, reading, zone) ? amplitude->of[zone] - doubt : 0.0;
+        most = fmax(most, certain[zone]);
     }
     placement->zones = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
-        const bool has_part = saw[zone] && amplitude->of[zone] >= RL_MIN_PART * most;
-        if (has_part || zone == read) {
-            rl_add_zone(placement->zone, &placement->zones, RL_MAX_READ, zone, amplitude->of);
+        const bool has_part = certain[zone] > 0.0 && amplitude->of[zone] >= RL_MIN_PART * most;
+        if (has_part || zone == reading->zone[0]) {
+            rl_add_zone(placement->zone, &placement->zones, RL_MAX_READ, zone, certain);
         }
     }
 }
@@ -250,6 +259,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     struct rl_seen seen = window_of(detector, reading, &first);
     for (int zone = 0; zone < samples->zones; zone++) {
         look_at(detector, &seen, first, zone);
+        lay_others(detector, reading, zone, &seen);
         fit_amplitude(&seen, zone, &amplitude);
     }
     choose_zones(samples, reading, &amplitude, placement);

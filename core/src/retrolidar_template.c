@@ -117,10 +117,12 @@ void rl_train_light(const struct rl_packet_train *train, bool continues, const d
 {
     struct rl_transmission transmission = train->transmission;
     transmission.repeats = transmission.repeats || continues;
+    transmission.dark_before = transmission.dark_after = false; /* trains beside it tell that */
     rl_template(&transmission, begin_s, end_s, rows, light);
     for (int row = 0; row < rows; row++) {
         const double middle_s = (begin_s[row] + end_s[row]) / 2;
-        if (middle_s < train->begin_s || (!continues && middle_s > train->end_s)) {
+        if (transmission.repeats &&
+            (middle_s < train->begin_s || (!continues && middle_s > train->end_s))) {
             light[row] = 1.0;
         }
     }

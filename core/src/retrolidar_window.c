@@ -44,8 +44,24 @@ static const double *part_of(const struct rl_window *window, int split, bool lat
     return window->part;
 }
 
-/* Make a marker an interferer, as far as it is seen: its gain is a sum of steps, as the marker may
- * cross from zone to zone, and each must explain what it costs.
+/* Find how the gain of `light` changes, if it is there. */
+static void find_profile(struct rl_window *window)
+{
+    double gain[RL_KNOTS], most = 0.0;
+    rl_gain_profile_fit(window->column.signal, window->column.valid, window->light, window->rows,
+                        gain);
+    for (int knot = 0; knot < RL_KNOTS; knot++) {
+        gain[knot] = fmax(gain[knot], 0.0);
+        most = fmax(most, gain[knot]);
+    }
+    for (int row = 0; row < window->rows; row++) {
+        window->profile[row] =
+            most > 0.0 ? rl_gain_profile_at(gain, row, window->rows) / most : 1.0;
+    }
+}
+
+/* Make a marker an interferer, if it is seen. Its gain changes if that explains more than it costs,
+ * as the marker may move.
  */
 static void add_interferer(struct rl_window *window, int marker)
 {
@@ -53,29 +69,20 @@ static void add_interferer(struct rl_window *window, int marker)
     light_of(window, marker, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
     light_of(window, marker, false);
-    if (on > rl_fit_gain(whitened, window->light).log_likelihood) {
+    double steady = rl_fit_gain(whitened, window->light).log_likelihood;
+    if (on > steady) {
         light_of(window, marker, true);
+        steady = on;
     }
-    for (int step = 0; step < RL_TRIED && whitened->interferers < RL_MAX_INTERFERERS; step++) {
-        double best = rl_fit_gain(whitened, window->light).log_likelihood;
-        int best_split = 0;
-        bool best_later = true;
-        for (int part = 1; part < RL_PARTS; part++) {
-            const int split = part * window->rows / RL_PARTS;
-            for (int later = 0; later < 2; later++) {
-                const double likelihood =
-                    rl_fit_gain(whitened, part_of(window, split, later)).log_likelihood;
-                if (likelihood > best) {
-                    best = likelihood;
-                    best_split = split;
-                    best_later = later;
-                }
-            }
-        }
-        if (best - whitened->null < RL_COST_OF_CHANCE) {
-            return;
-        }
-        rl_add_interferer(whitened, part_of(window, best_split, best_later), false);
+    find_profile(window);
+    for (int row = 0; row < window->rows; row++) {
+        window->part[row] = window->light[row] * window->profile[row];
+    }
+    const double changing =
+        rl_fit_gain(whitened, window->part).log_likelihood - rl_price_of_profile();
+    if (fmax(steady, changing) > whitened->null + RL_COST_OF_GAIN &&
+        whitened->interferers < RL_MAX_INTERFERERS) {
+        rl_add_interferer(whitened, changing > steady ? window->part : window->light, false);
     }
 }
 
@@ -208,30 +215,13 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     return fit(window, window->light);
 }
 
-/* Find how the gain changes if a packet is there. */
-static void find_profile(struct rl_window *window)
-{
-    double gain[RL_KNOTS], most = 0.0;
-    rl_gain_profile_fit(window->column.signal, window->column.valid, window->light, window->rows,
-                        gain);
-    for (int knot = 0; knot < RL_KNOTS; knot++) {
-        gain[knot] = fmax(gain[knot], 0.0);
-        most = fmax(most, gain[knot]);
-    }
-    for (int row = 0; row < window->rows; row++) {
-        window->profile[row] =
-            most > 0.0 ? rl_gain_profile_at(gain, row, window->rows) / most : 1.0;
-    }
-}
-
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    const double price = RL_COST_OF_GAIN * (RL_KNOTS - 1);
     const double steady = rl_window_try(window, transmission);
     find_profile(window);
     window->has_profile = true;
-    window->has_profile = fit(window, window->light) > steady + price;
-    return window->has_profile ? price : 0.0;
+    window->has_profile = fit(window, window->light) > steady + rl_price_of_profile();
+    return window->has_profile ? rl_price_of_profile() : 0.0;
 }
 
 void rl_window_steady(struct rl_window *window)

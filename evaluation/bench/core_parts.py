@@ -42,7 +42,9 @@ def _call(file: str, call: str) -> Part:
 
 PARTS = {
     'earlier packets fitted along': Part('window', 'i < window->interference.count;', 'i < 0;'),
-    'earlier packets: gains of several steps': Part('window', 'part < RL_PARTS;', 'part < 1;'),
+    'earlier packets: gains that change': Part(
+        'window', 'changing > steady ? window->part', 'false ? window->part'
+    ),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'earlier packets: those of a marker as one': Part(
         'interference', 'return overlap_s < SAME', 'return false && overlap_s < SAME'
@@ -177,9 +179,10 @@ PARTS = {
         'true || samples->interference_removed[channel] ||',
     ),
     'zones: those near the reading only': Part(
-        'placement',
-        'is_near(samples, reading, zone) &&',
-        '(true || is_near(samples, reading, zone)) &&',
+        'placement', 'is_near(samples, reading, zone) ?', 'true ?'
+    ),
+    'zones: by light that is certain': Part(
+        'placement', 'RL_MAX_READ, zone, certain', 'RL_MAX_READ, zone, amplitude->of'
     ),
     'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
     'range: other markers fitted along': Part(

@@ -34,10 +34,10 @@ from evaluation.report.claims import (
     shares,
 )
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.marker.battery import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
-from retrolidar_ros.scene.truth import PACKET_S
 from retrolidar_ros.sensor.frame import Floats
 
 PAPER_REACH_M, PAPER_SURE_M, PAPER_FOUND_M = 2.6, 2.0, 2.8

@@ -21,10 +21,10 @@ from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, Vi
 from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
+from retrolidar_ros.marker.battery import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.scene.truth import PACKET_S
 
 TITLE = 'Speed against accuracy'
 _LONE_M = paper_sweeps.RANGES_M[4:]

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.laboratory import seen_from
@@ -16,7 +15,6 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
 RARE = 16.266  # squared distance, in deviations, that holds 99.9 % of a normal in space
-PACKET_S = PACKET_BITS * BIT_PERIOD_S
 
 
 class Outcome(NamedTuple):
