@@ -7,24 +7,19 @@
 #include <math.h>
 #include <string.h>
 
-/* Energy of a packet in a zone that is certain, beside what else is known to be there. */
+/* Energy of a packet in a zone, beside what else is known to be there; 0 without evidence. */
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
     window->reference = RL_NO_REFERENCE;
     rl_window_open(window, zone, verdict->begin_s, verdict->end_s);
     const double price = rl_window_follow_gain(window, &verdict->transmission);
     const double likelihood = rl_window_try(window, &verdict->transmission);
-    const double evidence = likelihood - price - window->whitened.null;
-    if (evidence < RL_COST_OF_CHANCE) {
-        return 0.0;
-    }
     double mean = window->has_profile ? 0.0 : 1.0;
     for (int row = 0; window->has_profile && row < window->rows; row++) {
         mean += window->profile[row] / window->rows;
     }
-    const double doubt = fmin(RL_MIN_SEEN / sqrt(2.0 * evidence), 1.0); /* share of the gain */
-    const double gain = window->fit.gain * mean * (1.0 - doubt);
-    return gain * gain;
+    const double gain = window->fit.gain * mean;
+    return likelihood - price > window->whitened.null + RL_COST_OF_CHANCE ? gain * gain : 0.0;
 }
 
 /* The zones that saw a packet, of a sum those with a part in it, the strongest first. */

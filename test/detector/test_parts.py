@@ -91,6 +91,8 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
         pytest.param(10506, 154, id='sums of zones'),
         pytest.param(10733, 42, id='margin in sums of zones'),
         pytest.param(10733, 40, id='zones beside, again'),
+        pytest.param(10760, 47, id='placed by light that is certain'),
+        pytest.param(10760, 50, id='placed beside what is known'),
     ],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
