@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn
+from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn, turn_of
 from retrolidar_ros.tasks.reading import Errors, Reading, Readings
-from retrolidar_ros.tasks.state import Fit, Prior, State, between
+from retrolidar_ros.tasks.state import Fit, Prior, State
 
 _MAX_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
@@ -68,7 +68,9 @@ class Problem:
         """Return minus twice the log likelihood of the readings under an estimate."""
         squared = float(np.square(fit.scores).sum())
         if self.prior is not None:
-            off = between(self.prior.state, fit.state)[:6]
+            before, now = self.prior.state, fit.state
+            turned = turn_of(now.rotation @ before.rotation.T)
+            off = np.concatenate([now.position_m - before.position_m, turned])
             squared += float(off @ np.linalg.solve(self.prior.covariance, off))
         return squared
 

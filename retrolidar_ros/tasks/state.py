@@ -4,10 +4,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.sensor.rotation import turn_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +32,3 @@ class Fit:
     covariance: Floats  # of position, rotation about the fixed axes and velocity, shape (9, 9)
     stamp_s: float  # when it holds
     scores: Floats  # residuals in deviations, of range and of directions beyond their box, (n, 3)
-
-
-def between(one: State, other: State) -> Floats:
-    """Return translation, rotation vector and velocity from one state to another, shape (9,)."""
-    rotation = turn_of(other.rotation @ one.rotation.T)
-    translation = other.position_m - one.position_m
-    return np.concatenate([translation, rotation, other.velocity - one.velocity])
