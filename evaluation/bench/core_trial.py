@@ -19,7 +19,7 @@ from evaluation.bench.room_scene import Room
 from evaluation.bench.rooms import RoomResult, play, play_room
 from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.battery import PACKET_S
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 MIN_DB = 6.0  # of the packets that are counted: fainter ones are hardly read by any core

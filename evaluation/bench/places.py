@@ -18,7 +18,7 @@ from evaluation.bench.judging import watch
 from evaluation.bench.rates import Rate, rate
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.place import Place
-from retrolidar_ros.marker.battery import PACKET_S
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.optics import zone_shares

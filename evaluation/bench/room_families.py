@@ -10,8 +10,7 @@ from evaluation.bench.recordings import signal_at
 from evaluation.bench.room_markers import Course, RoomMarker, room_marker
 from evaluation.bench.room_scene import Room, RoomSimulation
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.battery import PACKET_S
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Surface

@@ -34,7 +34,7 @@ from evaluation.report.claims import (
     shares,
 )
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.battery import PACKET_S
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL

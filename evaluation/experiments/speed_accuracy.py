@@ -21,7 +21,7 @@ from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, Vi
 from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.battery import PACKET_S
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR

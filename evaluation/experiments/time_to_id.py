@@ -17,8 +17,7 @@ from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, read_over_
 from evaluation.report.chart_style import draw_level, label, line, look, name_curve, new_chart
 from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.marker.battery import PACKET_S
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 from retrolidar_ros.scene.simulation import noisy

@@ -8,11 +8,10 @@ sends packets. Self-discharge, and the capacity left below the least voltage, ar
 
 from dataclasses import dataclass
 
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S
 
 CELL_MAH = 90.0  # the paper's
-PACKET_S = PACKET_BITS * BIT_PERIOD_S
 _HOUR_S = 3600.0
 
 

@@ -20,6 +20,7 @@ PACKET_BITS: int = lib.RL_PACKET_BITS
 IDS = 1 << ID_BITS
 MAX_CORRECTED_BITS = (int(lib.RL_WORD_DISTANCE) - 1) // 2
 BIT_PERIOD_S = 0.042  # two 21 ms frames (paper §3.4 and §5)
+PACKET_S = PACKET_BITS * BIT_PERIOD_S
 
 _NUMBERS = np.array([lib.rl_packet(marker_id) for marker_id in range(IDS)], '>u4')
 _PACKETS = np.unpackbits(_NUMBERS[:, None].view(np.uint8), axis=1)[:, -PACKET_BITS:]

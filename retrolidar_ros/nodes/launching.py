@@ -160,7 +160,7 @@ def node(
 ) -> Node:
     """Return a node of the package, with parameters that go before those of the file."""
     parameters = dict(parameters)
-    _file_values(context, executable)
+    _file_values(context, executable)  # rcl would ignore a file that is none
     if 'marker_file' in declared()[executable]:
         known_markers({'marker_file': parameter(context, executable, 'marker_file')})
     level = value(context, 'log_level')

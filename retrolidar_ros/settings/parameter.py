@@ -110,7 +110,8 @@ def file_values(path: Path, kind: str) -> dict[str, Any]:
     Left out are ROS's own parameters, and what is said of all nodes (`/**`) but not known here.
     """
     content = load_yaml(path)
-    if not isinstance(content, Mapping) or 'ros__parameters' not in str(content):
+    sections = content.values() if isinstance(content, Mapping) else ()
+    if not any(isinstance(one, Mapping) and 'ros__parameters' in one for one in sections):
         raise ValueError(f'{path}: is no parameter file: it has no ros__parameters')
     found: dict[str, Any] = {}
     for node, section in content.items():
@@ -119,8 +120,11 @@ def file_values(path: Path, kind: str) -> dict[str, Any]:
             raise ValueError(f'{path}: {node} has no ros__parameters; add them, or take it out')
         if name not in (kind, '**'):
             continue
-        for key, value in (section['ros__parameters'] or {}).items():
-            known = key in declared()[kind]
-            if known or (name == kind and key.partition('.')[0] not in _OF_ROS):
-                found[key] = value
+        values = section['ros__parameters'] or {}
+        if not isinstance(values, Mapping):
+            raise ValueError(f'{path}: {node}: ros__parameters are no names with values')
+        for key, value in values.items():
+            is_own = name == kind and str(key).partition('.')[0] not in _OF_ROS
+            if is_own or key in declared()[kind]:
+                found[str(key)] = value
     return found

@@ -125,6 +125,8 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
         ('[]', 'is no parameter file'),
         ('# ros__parameters', 'is no parameter file'),
         ('{markers: {id: 1}}', 'is no parameter file'),
+        ('/**/detector: {ros__parameters: [1]}', 'ros__parameters are no names with values'),
+        ('/**/detector: {ros__parameters: {1: 2}}', '1: no such parameter'),
     ],
 )
 def test_bad_parameters_are_named(text: str, message: str, tmp_path: Path, capsys: Output) -> None:

@@ -11,10 +11,9 @@ from harness_frames import recording_of
 from oracle import Sending, light
 
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.sensor.frame import Floats
 
-PACKET_S = PACKET_BITS * BIT_PERIOD_S
 START_S = 1.0
 
 

@@ -10,12 +10,11 @@ from harness_core import GRID, LAW, NATS, PERIOD_S, Statistics, around, assert_a
 from harness_frames import recording_of
 from oracle import Sending, Zone, evidence, light, margin, part_margin, sequence_margin, word
 
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.model import Status
 
-PACKET_S = PACKET_BITS * BIT_PERIOD_S
 SILENCE_S = 1.0  # before the first packet in question
 
 

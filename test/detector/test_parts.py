@@ -104,7 +104,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
 
 @pytest.mark.parametrize(
     ('seed', 'number', 'min_read'),
-    [(8110, 13, 31), (8110, 91, 197), (10101, 63, 140), (10103, 499, 9), (10733, 178, 35)],
+    [(8110, 13, 31), (8110, 91, 197), (10764, 637, 117), (10103, 499, 9), (10733, 178, 35)],
     ids=[
         'sums of residuals',
         'bits that touch',
@@ -120,7 +120,7 @@ def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int
     """
     scored = play(number, seed).scored
     assert sum(whole(scored)) >= min_read
-    assert len(scored.wrong) <= len(scored.readings) // 100
+    assert scored.wrong == []
 
 
 def test_bits_of_another_period_are_no_packets() -> None:

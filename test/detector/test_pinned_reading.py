@@ -23,7 +23,7 @@ from evaluation.bench.reference_scene import walls
 from evaluation.bench.stresses import PANELS, PLAIN, STRESSES, Stress
 from evaluation.experiments.paper_sweeps import lone, repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
-from retrolidar_ros.marker.battery import PACKET_S
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface

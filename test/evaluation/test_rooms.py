@@ -20,14 +20,13 @@ from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
 from evaluation.experiments.rooms import counted, summary
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
 
-PACKET_S = PACKET_BITS * BIT_PERIOD_S
 DURATION_S = 20.0
 PLACE_M = 1.0 * SENSOR.grid.directions[5]
 
