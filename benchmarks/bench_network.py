@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Network traffic: of a sensor's nodes, and of discovery with and without a discovery server.
 
-embedded/run python benchmarks/bench_network.py [--seconds S] [--most N]
+embedded/run python benchmarks/bench_network.py [--seconds S]
 
 All talk by UDP through the loopback interface of this machine, as if each were on a host of its
 own. To discovery, a reader is a node that publishes detections. Whatever else talks through the
@@ -34,7 +34,7 @@ from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.listener import Listener
 
-NUMBERS = (5, 10, 20, 40)
+NUMBERS = (5, 20, 40)
 PORT = 11811
 ANNOUNCEMENT_S = 3.0  # every participant announces itself so often
 # Participants talk by UDP as if they were on many hosts, yet nothing leaves this one.
@@ -89,25 +89,22 @@ def _ignore(message: object) -> None:
     """Take a message; it has crossed the network by then."""
 
 
-def measure_sensor(seconds: float) -> tuple[float, float, float]:
-    """Return the traffic of a sensor [kbit/s]: frames, to a second subscriber, and all else."""
+def measure_sensor(seconds: float) -> tuple[float, float]:
+    """Return the traffic of a sensor [kbit/s]: frames, and all else."""
     with TemporaryDirectory() as name, ProcessGroup(Path(name)) as processes:
         sensors = Sensors(processes, Path(name), 1)
         sensors.start_pairs()
         two_idle = loopback_kbit_s(seconds)
-        sensors.start_second()
-        three_idle = loopback_kbit_s(seconds)
-        sensors.plug_in()
-        to_two = loopback_kbit_s(seconds)
-        sensors.stop_second()
-        frames = loopback_kbit_s(seconds) - two_idle
         # In a namespace without nodes it receives no frames, but TF.
         with closing(Listener('/elsewhere')) as listener:
+            three_idle = loopback_kbit_s(seconds)
             markers = f'{sensors.namespaces[0]}/markers'
             listener.node.create_subscription(MarkerDetection, markers, _ignore, 100)
             listener.node.create_subscription(DiagnosticArray, '/diagnostics', _ignore, 100)
-            others = loopback_kbit_s(seconds) - three_idle - frames
-    return frames, to_two - three_idle - frames, others
+            sensors.plug_in()
+            everything = loopback_kbit_s(seconds) - three_idle
+        frames = loopback_kbit_s(seconds) - two_idle
+    return frames, everything - frames
 
 
 def measure_discovery(number: int, seconds: float) -> tuple[float, float]:
@@ -132,7 +129,6 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--seconds', type=float, default=9.0, help='of every measurement')
-    parser.add_argument('--most', type=int, default=NUMBERS[-1], help='participants')
     arguments = parser.parse_args()
     with TemporaryDirectory() as name, ExitStack() as stack:
         profile = Path(name) / 'profile.xml'
@@ -142,11 +138,10 @@ def main() -> None:
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT',
             'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile),
         }
-        frames, second, others = call_apart(alone, measure_sensor, arguments.seconds)
+        frames, others = call_apart(alone, measure_sensor, arguments.seconds)
         print(
             'Traffic [kbit/s], IP headers included\n'
             f'frames of a sensor to its detector  {frames:7.1f}\n'
-            f'the same to a second subscriber     {second:7.1f}\n'
             f'its markers, TF and diagnostics     {others:7.1f}\n\n'
             'participants  without server: at start, steady   with server: at start, steady'
         )
@@ -154,7 +149,7 @@ def main() -> None:
         command = ['fast-discovery-server', '-i', '0', '-l', '127.0.0.1', '-p', str(PORT)]
         server = stack.enter_context(subprocess.Popen(command, stdout=subprocess.DEVNULL))
         stack.callback(server.terminate)
-        for number in [number for number in NUMBERS if number <= arguments.most]:
+        for number in NUMBERS:
             cells = ''
             for environment in (alone, served):
                 settings = (number, arguments.seconds)

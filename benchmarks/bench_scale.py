@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-from bench_nodes import SETTLING_S, core_shares, megabytes
+from bench_nodes import SETTLING_S, core_shares
 from many_sensors import TIMEOUT_S, FrameCounter, Sensors
 from numpy.typing import NDArray
 
@@ -40,6 +40,12 @@ class Load(NamedTuple):
     def keeps_up(self) -> bool:
         """Tell whether the machine can take so many."""
         return self.busy <= MAX_BUSY and self.lost <= MAX_LOST * (self.taken + self.lost)
+
+
+def megabytes(pid: int) -> float:
+    """Return the memory of a process, with its part of what it shares with others [MB]."""
+    lines = Path(f'/proc/{pid}/smaps_rollup').read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith('Pss:')) / 1024
 
 
 def busy_and_total() -> NDArray[np.int64]:

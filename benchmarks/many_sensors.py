@@ -16,60 +16,47 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from struct import Struct
 
 from diagnostic_msgs.msg import DiagnosticArray
 
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.scene import Scene, Simulation
+from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.wire import DELIMITER, cobs_decode, encode_frame, encode_packet
+from retrolidar_ros.sensor.frame import Frame
+from retrolidar_ros.sensor.wire import encode_frame
 from retrolidar_ros.settings.resources import shared_file
 
 SCENE = load_scene('coffee')
 PERIOD_S = SCENE.sensor.period_s
 REPLAY_S = 60.0  # packets are cut where the replay begins again, so that should be rare
 TIMEOUT_S = 120.0
-_COUNTERS = Struct('<IQ')  # sequence and sensor time, which follow the kind
-_KIND_BYTES = 1
-_CRC_BYTES = 2
 
 
-class Replay:
-    """A scene over and over, as sensors send it; sequence and sensor time go on."""
+def replayed(frames: Sequence[Frame], first: int) -> Iterator[tuple[float, bytes]]:
+    """Yield the packets of frames over and over from one on; sequence and sensor time go on.
 
-    def __init__(self, scene: Scene) -> None:
-        """Compute the frames."""
-        frames = list(Simulation(scene).run(REPLAY_S))
-        self._packets = [cobs_decode(encode_frame(frame).rstrip(DELIMITER)) for frame in frames]
-        self._times_us = [frame.sensor_time_us for frame in frames]
-        self._turn_us = self._times_us[-1] - self._times_us[0] + round(PERIOD_S * 1e6)
-
-    def sensors(self, number: int) -> list[Iterator[tuple[float, bytes]]]:
-        """Return the endless packets of sensors that are spread evenly over the scene.
-
-        With each packet comes the time since the sensor's first [s].
-        """
-        return [self._sensor(index * len(self._packets) // number) for index in range(number)]
-
-    def _sensor(self, first: int) -> Iterator[tuple[float, bytes]]:
-        start_us = self._times_us[first]
-        for sequence in count():
-            turn, index = divmod(first + sequence, len(self._packets))
-            time_us = turn * self._turn_us + self._times_us[index]
-            content = bytearray(self._packets[index][:-_CRC_BYTES])
-            _COUNTERS.pack_into(content, _KIND_BYTES, sequence, time_us)
-            yield (time_us - start_us) * 1e-6, encode_packet(bytes(content))
+    With each packet comes the time since the first [s].
+    """
+    turn_us = frames[-1].sensor_time_us - frames[0].sensor_time_us + round(PERIOD_S * 1e6)
+    for sequence in count():
+        turn, index = divmod(first + sequence, len(frames))
+        time_us = turn * turn_us + frames[index].sensor_time_us
+        frame = replace(frames[index], sequence=sequence, sensor_time_us=time_us)
+        yield 1e-6 * (time_us - frames[first].sensor_time_us), encode_frame(frame)
 
 
 def serve(ports: Sequence[PortLink]) -> None:
     """Send the packets of all sensors when they are due."""
-    sensors = Replay(SCENE).sensors(len(ports))
+    frames = list(Simulation(SCENE).run(REPLAY_S))
+    # Each begins at another time of the scene.
+    firsts = [index * len(frames) // len(ports) for index in range(len(ports))]
+    sensors = [replayed(frames, first) for first in firsts]
     now_s = time.monotonic()
     # Nobody synchronises sensors, so they are spread over the frame period, too.
     starts_s = [now_s + index * PERIOD_S / len(ports) for index in range(len(ports))]
@@ -97,9 +84,16 @@ class Sensors:
         for namespace, port in zip(self.namespaces, self._ports, strict=True):
             self._start('driver', namespace, '-p', f'serial_port:={port}')
             self._start('detector', namespace)
-        self._wait_for(
-            [f'{one}/{topic}' for one in self.namespaces for topic in ('frames', 'markers')]
-        )
+        topics = [f'{one}/{topic}' for one in self.namespaces for topic in ('frames', 'markers')]
+
+        def are_there() -> bool:
+            self._processes.check()
+            return all(listener.node.count_publishers(topic) for topic in topics)
+
+        # By a node that is there no longer than this takes.
+        with closing(Listener('/start')) as listener:
+            if not listener.spin_until(are_there, TIMEOUT_S):
+                raise TimeoutError(f'nobody publishes some of {", ".join(topics)}')
 
     def start_reader(self) -> None:
         """Start one process that reads all sensors."""
@@ -113,31 +107,11 @@ class Sensors:
         """Return the process IDs of all nodes."""
         return [self._processes.pid(name) for name in self._nodes]
 
-    def start_second(self) -> None:
-        """Start one more detector, for the frames of the first sensor, and wait for it."""
-        self._start('detector', '/second', '-r', f'frames:={self.namespaces[0]}/frames')
-        self._wait_for(['/second/markers'])
-
-    def stop_second(self) -> None:
-        """Stop the detector that was added."""
-        self._processes.stop(self._nodes.pop())
-
     def _start(self, node: str, namespace: str, *arguments: str) -> None:
         common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
         command = [executable(node), *common, '-r', f'__ns:={namespace}', *arguments]
         self._nodes.append(f'{node}_{namespace[1:]}')
         self._processes.start(self._nodes[-1], command)
-
-    def _wait_for(self, topics: Sequence[str]) -> None:
-        """Wait for publishers, by a node that is there no longer than this takes."""
-
-        def are_there() -> bool:
-            self._processes.check()
-            return all(listener.node.count_publishers(topic) for topic in topics)
-
-        with closing(Listener('/start')) as listener:
-            if not listener.spin_until(are_there, TIMEOUT_S):
-                raise TimeoutError(f'nobody publishes some of {", ".join(topics)}')
 
 
 class FrameCounter(Listener):
