@@ -44,7 +44,6 @@ class Outcome(NamedTuple):
     """Packets that were read; times to a first ID [s] and errors of places are negative."""
     of: float  # packets to be read, or the time that was watched
     wrong: int  # IDs
-    cpu_s: float = 0.0  # of the detector; 0 where it was not measured
 
 
 def _outcome(result: RoomResult) -> Outcome:
@@ -53,7 +52,7 @@ def _outcome(result: RoomResult) -> Outcome:
         for packet, was_read in zip(result.scored.sent, result.scored.read, strict=True)
         if packet.whole and packet.snr_db > MIN_DB
     ]
-    return Outcome(sum(whole), len(whole), len(result.scored.wrong), result.cpu_s)
+    return Outcome(sum(whole), len(whole), len(result.scored.wrong))
 
 
 def _placed(result: RoomResult) -> dict[str, Outcome]:

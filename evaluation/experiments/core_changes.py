@@ -18,8 +18,7 @@ import numpy as np
 
 from evaluation.bench import core_trial
 from evaluation.bench.core_numbers import number_changes
-from evaluation.bench.core_parts import Part, check_changes, part_changes
-from evaluation.bench.core_process import call_with
+from evaluation.bench.core_parts import Part, call_with, check_changes, part_changes
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
@@ -41,17 +40,10 @@ _WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
 _HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
 
 
-def _measured(name: str, changes: Sequence[Part], seed: int, times: float) -> dict[str, Any]:
-    """Measure a changed core, in a process of its own."""
-    row: dict[str, Any] = call_with(changes, f'{core_trial.__name__}.measure', seed, times)
-    print(f'measured {name or "as it is"}', file=sys.stderr, flush=True)
-    return row
-
-
 def _time_less(changes: Sequence[Part], seed: int, rooms: int) -> float:
     """Return how much less time a frame takes with changes, one run right after the other [%]."""
-    function = f'{core_trial.__name__}.frame_times_us'
-    before, after = (call_with(one, function, seed, rooms) for one in ((), changes))
+    frame_times_us = core_trial.frame_times_us
+    before, after = (call_with(one, frame_times_us, seed, rooms) for one in ((), changes))
     # Each room counts alike, so that one that was interrupted does not decide.
     return round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
 
@@ -174,7 +166,9 @@ class CoreChanges:
         seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.5, 4))
 
         def measured(name: str) -> dict[str, Any]:
-            return _measured(name, changes.get(name, ()), seed, times)
+            row: dict[str, Any] = call_with(changes.get(name, ()), core_trial.measure, seed, times)
+            print(f'measured {name or "as it is"}', file=sys.stderr, flush=True)
+            return row
 
         # Each in a process of its own, one a core; times are measured alone.
         with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.core_parts import Part
-from evaluation.bench.core_process import call_with
+from evaluation.bench.core_parts import Part, call_with
 from evaluation.bench.following import ENDS, SCENES, dropped_s, false_ends
 from evaluation.report.chart_style import OTHERS, SHADES, label, legend_under, line, new_chart
 
@@ -44,7 +43,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     rows = []
     for bits in _GONE_BITS:
         change = Part('presence', _LINE.format(_USED_BITS), _LINE.format(bits))
-        rows.append(call_with([change], f'{__name__}.measure', bits, *settings))
+        rows.append(call_with([change], measure, bits, *settings))
     return {'ranges_m': _RANGES_M, 'rows': rows}
 
 
