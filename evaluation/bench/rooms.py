@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.bench.room_markers import FOREIGN
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import Scored, packets_of, score
 from retrolidar_ros.detector import create_detector
@@ -20,10 +19,8 @@ class RoomResult(NamedTuple):
     """The result of a room."""
 
     room: int  # its number
-    duration_s: float
     frames: int
     cpu_s: float  # of the detector
-    foreign_s: float  # of all foreign markers
     scored: Scored
 
 
@@ -35,13 +32,10 @@ def play_room(number: int, room: Room, rng: np.random.Generator) -> RoomResult:
     began_s = time.process_time()
     detections = detector.update_all(recording)
     cpu_s = time.process_time() - began_s
-    foreign = sum(marker.sending in FOREIGN for marker in room.markers)
     return RoomResult(
         room=number,
-        duration_s=room.scene.duration_s,
         frames=len(recording),
         cpu_s=cpu_s,
-        foreign_s=foreign * room.scene.duration_s,
         scored=score(simulation, packets_of(simulation), detections),
     )
 

@@ -69,13 +69,12 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     still = bright_signal(2.0, 0.03, 4 * frames, rng)
     snrs_db = [integrated_db(still, count) for count in _INTEGRATED]
     far = _RANGES_M.index(_FAR_M)
-    exponent, _, distance_r2 = fit_line(np.log(_RANGES_M[far:]), np.log(signals[far:]))
+    exponent, _, _ = fit_line(np.log(_RANGES_M[far:]), np.log(signals[far:]))
     per_cm2, offset, area_r2 = fit_line(areas, of_areas)
     return {
         'ranges_m': list(_RANGES_M),
         'signals': signals,
         'exponent': exponent,
-        'distance_r2': distance_r2,
         'areas_cm2': areas,
         'of_areas': of_areas,
         'per_cm2': per_cm2,
