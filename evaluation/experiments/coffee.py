@@ -17,7 +17,7 @@ from evaluation.bench.judging import watch
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, read_over_distance
 from evaluation.report.chart_style import label, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, Table, as_text, claim_of, model
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, as_text, model
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.files import load_scene
@@ -170,9 +170,9 @@ def claims(figures: dict[str, Any]) -> Claims:
     """Return times and errors, to compare with the paper's."""
     both = [figures['methods'][method] for method in BOTH_CLAIMED]
     return {
-        'task': claim_of(as_text(row['by_range']['mean_s'], 's', 1) for row in both),
+        'task': Claim(*(as_text(row['by_range']['mean_s'], 's', 1) for row in both)),
         'tags': model(as_text(figures['tags_of_the_paper']['mean_s'], 's', 1)),
-        'range': claim_of(as_text(_median_mm(row), 'mm', 1) for row in both),
+        'range': Claim(*(as_text(_median_mm(row), 'mm', 1) for row in both)),
     }
 
 

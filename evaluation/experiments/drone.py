@@ -11,7 +11,7 @@ from evaluation.bench.judging import watch
 from evaluation.bench.places import median_mm, place_error
 from evaluation.bench.rates import Rate, rate
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, shares
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, shares
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.detector.place import Place
 from retrolidar_ros.scene import Scene, Simulation
@@ -107,7 +107,7 @@ def claims(figures: dict[str, Any]) -> Claims:
     good = [np.abs(row['range_mm'] or np.inf) < PAPER_RANGE_MM for row in both]
     return {
         'alive': shares(row['alive'][-1]['rate'] for row in both),
-        'falls': claim_of(falls),
+        'falls': Claim(*falls),
         'range': shares(float(np.mean(one)) for one in good),
     }
 

@@ -29,7 +29,6 @@ from evaluation.report.claims import (
     Claim,
     Claims,
     as_text,
-    claim_of,
     model,
     shares,
 )
@@ -176,7 +175,7 @@ def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
 def _reaches(figures: dict[str, Any], curve: str, unit: str = 'm') -> Claim:
     """Return to where both methods read."""
     digits, ends = 2 if unit == 'm' else 1, _ends(figures, curve)
-    return claim_of(NOT_READ if one is None else as_text(one, unit, digits) for one in ends)
+    return Claim(*(NOT_READ if one is None else as_text(one, unit, digits) for one in ends))
 
 
 def _reading_claims(figures: dict[str, Any]) -> Claims:
@@ -218,7 +217,7 @@ def _power(figures: dict[str, Any]) -> float:
 def _ambient_claims(figures: dict[str, Any]) -> Claims:
     ends = zip(_ends(figures, 'dark'), _ends(figures, 'daylight in a room'), strict=True)
     lost = [None if dark is None or day is None else dark - day for dark, day in ends]
-    return {'loss': claim_of(map(as_text, lost)), 'outdoors': _reaches(figures, 'shade outdoors')}
+    return {'loss': Claim(*map(as_text, lost)), 'outdoors': _reaches(figures, 'shade outdoors')}
 
 
 SWEEPS: dict[str, sweeps.Sweep] = {

@@ -22,10 +22,10 @@ from evaluation.report.chart_style import draw_reads, label, legend_below, look,
 from evaluation.report.claims import (
     BOTH_CLAIMED,
     NOTHING,
+    Claim,
     Claims,
     Table,
     as_text,
-    claim_of,
     end_as_text,
     model,
 )
@@ -183,7 +183,7 @@ def claims(figures: dict[str, Any]) -> Claims:
         'far': model(as_text(far, 'mm', 1)),
         'worst': model(as_text(of_tag(2.4, 'largest'), 'mm', 1)),
         'above': model(as_text(above and 100 * above, '%', 1)),
-        'less': claim_of(more(one, far) for one in medians),
+        'less': Claim(*(more(one, far) for one in medians)),
         'qr': model(as_text(end(figures, '3 cm', QR))),
     }
 

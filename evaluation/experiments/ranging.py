@@ -13,7 +13,7 @@ from evaluation.bench.reference_scene import marker_in_each_zone, walls
 from evaluation.experiments.link import NEVER_S, board_signal
 from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claims, as_text, claim_of, model
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.reference import SENSOR
@@ -74,8 +74,8 @@ def claims(figures: dict[str, Any]) -> Claims:
     places = [one['range_m'] for one in figures['points'][:-1]]
     below = [max(at(place, kind) for place in places) for kind in BOTH_CLAIMED]
     return {
-        'near': claim_of(as_text(one, 'mm', 1) for one in below),
-        'far': claim_of(as_text(at(2.6, kind), 'mm', 1) for kind in BOTH_CLAIMED),
+        'near': Claim(*(as_text(one, 'mm', 1) for one in below)),
+        'far': Claim(*(as_text(at(2.6, kind), 'mm', 1) for kind in BOTH_CLAIMED)),
         'board': model(as_text(at(2.0, 'board'), 'mm', 1)),
     }
 

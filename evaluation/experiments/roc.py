@@ -19,7 +19,7 @@ from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record_at
 from evaluation.report.chart_style import label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, claim_of, per_hour
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, per_hour
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD
@@ -165,7 +165,7 @@ def claims(figures: dict[str, Any]) -> Claims:
     counts = [silent[method]['false_ids'] for method in BOTH_CLAIMED]
     preambles = silent['paper']['false preambles']['rate']
     return {
-        'silent': claim_of(f'{n} in {silent["hours"]:.2g} h' for n in counts),
+        'silent': Claim(*(f'{n} in {silent["hours"]:.2g} h' for n in counts)),
         'preambles': Claim(f'{preambles:.2%}'),
     }
 

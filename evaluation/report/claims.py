@@ -31,12 +31,6 @@ class Claim(NamedTuple):
     default: str = NOTHING  # what our default method gives, or a model that is the same for both
 
 
-def claim_of(values: Iterable[str]) -> Claim:
-    """Return a claim of the values of the paper's method and of the default."""
-    method, default = values
-    return Claim(method, default)
-
-
 def model(text: str) -> Claim:
     """Return a claim of a model that is the same for both methods."""
     return Claim(default=text)
@@ -44,7 +38,7 @@ def model(text: str) -> Claim:
 
 def shares(values: Iterable[float], digits: int = 0) -> Claim:
     """Return a claim of shares of the paper's method and of the default."""
-    return claim_of(f'{value:.{digits}%}' for value in values)
+    return Claim(*(f'{value:.{digits}%}' for value in values))
 
 
 Claims = dict[str, Claim]  # by item; the report's chapter of the paper has the words
