@@ -20,7 +20,6 @@ from evaluation.bench import core_trial
 from evaluation.bench.core_numbers import number_changes
 from evaluation.bench.core_parts import Part, call_with, check_changes, part_changes
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
-from evaluation.report.claims import Table
 
 SIGMAS = 3.0  # of the change by chance; a larger one counts
 _CENTRED: dict[str, Any] = {'ha': 'center', 'va': 'center', 'fontsize': 9}
@@ -110,6 +109,12 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
     ]
 
 
+def _rank(one: Row) -> tuple[bool, float]:
+    """Return what sorts those that lose most first, and of the rest those that save most time."""
+    worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
+    return (not one.loses, -sum(worse) if one.loses else -one.time)
+
+
 def _text(name: str, value: float) -> str:
     if abs(value) < (0.05 if name in FAMILIES else 0.5):
         return '·'
@@ -149,11 +154,10 @@ class CoreChanges:
     """An experiment on some changes of the core, one at a time."""
 
     TITLE: str
-    change: str  # what is done, as a heading of the table
+    change: str  # what is done, as a word below the chart
     changes: Callable[[], Mapping[str, Sequence[Part]]]  # by name
     message: Callable[[Sequence[Row]], str]  # the title of the chart
-    is_ranked: bool = False  # by what is lost, not in the order of `changes`
-    is_timed: bool = False  # what is saved is measured, too: time and lines
+    of_parts: bool = False  # those that lose most come first, with the time and lines they save
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         """Return what the detector loses by each change.
@@ -179,44 +183,26 @@ class CoreChanges:
         ]
         sums = {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)}
         figures: dict[str, Any] = {'whole': sums, 'rows': rows}
-        if self.is_timed:
+        if self.of_parts:
             for row in rows:
                 row['time'] = _time_less(changes[row['off']], seed, rooms)
             # The change of time between two runs of the same core.
             figures['time_by_chance'] = abs(_time_less((), seed, rooms))
         return figures
 
-    def _rows(self, figures: dict[str, Any]) -> list[Row]:
-        """Return the rows; if ranked, what loses most first, and of the rest the slowest."""
-
-        def rank(one: Row) -> tuple[bool, float]:
-            worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
-            return (not one.loses, -sum(worse) if one.loses else -one.time)
-
-        rows = _rows(figures)
-        return sorted(rows, key=rank) if self.is_ranked else rows
-
-    def table(self, figures: dict[str, Any]) -> Table:
-        """Return all figures, a row for each change; in brackets, in deviations of chance."""
-        heads = [head.replace('\n', ' ') for head in _HEADS.values()]
-        rows = [[self.change, *heads, *(['time [%]', 'lines'] * self.is_timed), 'loses']]
-        for one in self._rows(figures):
-            cells = [f'{_text(name, one.lost[name])} ({one.sigmas[name]:+.1f})' for name in _HEADS]
-            saved = [f'{-one.time:+.0f}', f'{-one.lines:+d}'] * self.is_timed
-            rows.append([one.name, *cells, *saved, 'yes' if one.loses else ''])
-        return rows
-
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a map of what each change makes worse, and what time and lines it saves."""
-        rows = self._rows(figures)
-        heads = [*_HEADS.values(), *(['time\n[%]', 'lines\nof code'] * self.is_timed)]
+        rows = _rows(figures)
+        if self.of_parts:
+            rows.sort(key=_rank)
+        heads = [*_HEADS.values(), *(['time\n[%]', 'lines\nof code'] * self.of_parts)]
         figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(rows), self.message(rows))
         axis.grid(visible=False)
         _draw_cells(axis, rows)
-        if self.is_timed:
+        if self.of_parts:
             _draw_saved(axis, rows, figures['time_by_chance'])
         count = sum(one.loses for one in rows)
-        if self.is_ranked and count:
+        if self.of_parts and count:
             axis.axhline(count - 0.5, color='black', linewidth=1)
         for border in (len(FAMILIES) - 0.5, len(_HEADS) - 0.5):
             axis.axvline(border, color='0.8', linewidth=0.8)
@@ -229,7 +215,7 @@ class CoreChanges:
             f'What changes {self.change} it: packets lost [%], time or error more [%], IDs more.\n'
             f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.'
             + below
-            * self.is_ranked,
+            * self.of_parts,
             fontsize=10,
         )
         return figure
@@ -256,8 +242,7 @@ CORE_CHANGES = {
         'without',
         part_changes,
         _parts_message,
-        is_ranked=True,
-        is_timed=True,
+        of_parts=True,
     ),
     'numbers': CoreChanges('What each number gains', 'with', number_changes, _numbers_message),
 }
