@@ -61,6 +61,11 @@ def signal_at(range_m: float) -> float:
     return float(SIGNAL_AT_1_M * range_m**DISTANCE_EXPONENT)
 
 
+def range_of(signal: float) -> float:
+    """Return the range at which a marker of 3 cm has a signal [m]."""
+    return float((signal / SIGNAL_AT_1_M) ** (1 / DISTANCE_EXPONENT))
+
+
 def rng_at(seed: int, place: float) -> np.random.Generator:
     """Return a generator that gives the same frames at a place to every experiment."""
     return np.random.default_rng([seed, round(1000 * place)])
@@ -238,7 +243,7 @@ def record(
     than markers. Each sends one packet at a random time, or has always been sending in a recording
     of `repeated_s` [s]. There is `ambient` light [kcps/SPAD].
     """
-    at_m = (signal / SIGNAL_AT_1_M) ** (1 / DISTANCE_EXPONENT) if range_m is None else range_m
+    at_m = range_of(signal) if range_m is None else range_m
     zones = _Zones(stress, signal, rng, ids, at_m, repeated_s, ambient, path)
     recording = zones.run(zones.lasting_s)
     if stress.no_target:

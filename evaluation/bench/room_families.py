@@ -6,15 +6,14 @@ import math
 
 import numpy as np
 
-from evaluation.bench.recordings import signal_at
+from evaluation.bench.recordings import range_of, signal_at
 from evaluation.bench.room_markers import Course, RoomMarker, room_marker
 from evaluation.bench.room_scene import Room, RoomSimulation
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import SIGNAL_AT_1_M, Surface
-from retrolidar_ros.scene.optics import DISTANCE_EXPONENT
+from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
@@ -37,11 +36,6 @@ def _bit_s(rng: np.random.Generator) -> float:
 
 def _begun_s(rng: np.random.Generator) -> float:
     return float(-PACKET_S * rng.random())
-
-
-def _range_of(signal: float) -> float:
-    """Return the range at which a marker has a signal [m]."""
-    return float((signal / SIGNAL_AT_1_M) ** (1 / DISTANCE_EXPONENT))
 
 
 def _anywhere(zone: int, range_m: float, rng: np.random.Generator) -> Floats:
@@ -77,7 +71,7 @@ def ten_packets(signal: float, rng: np.random.Generator) -> Room:
     duration_s = (_TEN + 5) * PACKET_S
     markers = []
     for direction in SENSOR.grid.directions:
-        course = Course('still', _range_of(signal) * direction)
+        course = Course('still', range_of(signal) * direction)
         begin_s = PACKET_S * (1.5 + rng.random())
         ends_s = (begin_s, begin_s + lasting_s)
         markers.append(room_marker('sequence', course, _bit_s(rng), *ends_s, rng))
@@ -87,7 +81,7 @@ def ten_packets(signal: float, rng: np.random.Generator) -> Room:
 def appearing(signal: float, rng: np.random.Generator) -> Room:
     """Return one marker that repeats, and appears in mid-packet."""
     zone = int(rng.integers(SENSOR.grid.zones))
-    course = Course('still', _anywhere(zone, _range_of(signal), rng))
+    course = Course('still', _anywhere(zone, range_of(signal), rng))
     until_s, there = _APPEARS_S + _WATCHED_S, {'present_s': (_APPEARS_S, math.inf)}
     begin_s = _begun_s(rng)
     marker = room_marker('repeating', course, _bit_s(rng), begin_s, until_s, rng, **there)
@@ -100,7 +94,7 @@ def pair(ratio: float, sendings: tuple[str, str], rng: np.random.Generator) -> R
     duration_s = 12 * PACKET_S
     markers = []
     for sending, share in zip(sendings, (1.0, ratio), strict=True):
-        course = Course('still', _anywhere(zone, _range_of(share * signal), rng))
+        course = Course('still', _anywhere(zone, range_of(share * signal), rng))
         markers.append(room_marker(sending, course, _bit_s(rng), _begun_s(rng), duration_s, rng))
     return _room(duration_s, *markers)
 

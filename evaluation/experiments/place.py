@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of bearing and position, and whether the covariance is right."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from evaluation.report.claims import Claims, Table, as_text, model, percent
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import MARKER_SIZE_M, Marker, Sensor, Surface
+from retrolidar_ros.scene.description import MARKER_SIZE_M, Marker, Surface
 from retrolidar_ros.scene.optics import zone_shares
-from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, SENSOR
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR
 
 TITLE = 'Bearing, and how honest the covariance is'
 DURATION_S = 2.9  # a marker that repeats is read once
@@ -37,8 +38,7 @@ def random_scene(blur: float, rng: np.random.Generator, size_m: float = MARKER_S
     id_, start_s = int(rng.choice(USABLE_IDS)), float(-rng.uniform(0, 1.3))
     marker = Marker(id_, (x, y, z), size_m=size_m, start_s=start_s, response=RESPONSE)
     wall = Surface(z + float(rng.uniform(*_BEHIND_M)), float(rng.uniform(*_WALL_SIGNALS)))
-    sensor = Sensor(noise=NOISE, ranging=RANGING, blur=blur)
-    return Scene(sensor=sensor, markers=(marker,), surfaces=(wall,))
+    return Scene(sensor=replace(SENSOR, blur=blur), markers=(marker,), surfaces=(wall,))
 
 
 def seen_by_two(detection: Detection, scene: Scene) -> tuple[bool, bool]:

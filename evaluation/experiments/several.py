@@ -24,8 +24,8 @@ from evaluation.report.claims import BOTH_CLAIMED, Claims, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Sensor, Surface
-from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE, WALL_SIGNAL
+from retrolidar_ros.scene.description import Marker, Surface
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
 
 TITLE = 'Several markers'
 PAPER_WORST = 0.85  # of Tab. 3
@@ -43,7 +43,7 @@ _PAIR = {'brighter': '-', 'fainter': ':', 'both': '--'}
 _WAKING_S = (2.0, 2.5)
 _QUICK_TRIALS = 4
 _RECORDINGS = 2
-_SENSOR = Sensor(noise=NOISE, ranging=RANGING, blur=0.05)
+_SENSOR = replace(SENSOR, blur=0.05)
 _WALL = Surface(2.4, WALL_SIGNAL)
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench.judging import Options, judged, read_of
+from evaluation.bench.judging import Options, judge_all, read_of
 from evaluation.bench.rates import LEVEL, crossing, sum_of
 from evaluation.bench.recordings import rng_at
 from evaluation.bench.reference_scene import marker_in_each_zone
@@ -101,9 +101,9 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     make = partial(paper_sweeps.lone, ids=known) if is_lone else several
     found = []
     for range_m in places:
-        rng = rng_at(seed, range_m)
-        sent = [make(range_m, rng) for _ in range(1 if quick else point.recordings)]
-        found.append(read_of([judged(one, point.options, lone=is_lone) for one in sent]))
+        count, rng = 1 if quick else point.recordings, rng_at(seed, range_m)
+        read = judge_all(partial(make, range_m), count, rng, {text: point.options}, lone=is_lone)
+        found.append(read_of(read[text]))
     cpu_ms = _frame_ms(point.options, 1 if quick else _TIMES, np.random.default_rng(seed))
     return _summed(text, cpu_ms, places, found)
 
