@@ -2,20 +2,102 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a track ends: after how many bits unseen a marker counts as gone."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.core_parts import Part, call_with
-from evaluation.bench.following import ENDS, SCENES, dropped_s, false_ends
+from evaluation.bench.following import play
+from evaluation.bench.recordings import Sent, record, record_at
+from evaluation.bench.stresses import PLAIN, Stress
+from evaluation.experiments.moving import WAYS
 from evaluation.report.chart_style import OTHERS, SHADES, label, legend_under, line, new_chart
+from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'When tracks end'
 _USED_BITS = 8.5  # by the core
 _RANGES_M = (1.0, 2.0)
 _GONE_BITS = (6.0, _USED_BITS, 12.0)
 _TRIALS, _DURATION_S = 24, 30.0
+_KNOWN_S = 3.0  # markers repeat so long before something happens
+_AFTER_S = 2.5
 _LINE = 'GONE_BITS = {:g}'
+
+
+def _sent(
+    range_m: float,
+    duration_s: float,
+    rng: np.random.Generator,
+    stress: Stress = PLAIN,
+    way: str = 'to and fro',
+    speed_m_s: float = 0.0,
+) -> Sent:
+    path = WAYS[way](speed_m_s, range_m, rng)
+    return record_at(range_m, rng, stress, path=path, repeated_s=duration_s)
+
+
+def _spliced(before: Recording, after: Recording, frame: int) -> Recording:
+    """Return one recording up to a frame, and another one from there on."""
+    arrays = {
+        name: np.concatenate([values[:frame], getattr(after, name)[frame:]])
+        for name, values in vars(before).items()
+        if name != 'grid'
+    }
+    return replace(before, **arrays)
+
+
+def _all_bright(recording: Recording, rng: np.random.Generator) -> Recording:
+    """Return as many frames, drawn from those in which the marker is bright."""
+    signal = recording.signal[:, recording.signal.std(axis=0).argmax()]
+    dark, bright = np.quantile(signal, (0.1, 0.9))
+    kept = np.flatnonzero(signal > dark + 0.9 * (bright - dark))
+    rows = rng.choice(kept, len(signal))
+    seen = {name: getattr(recording, name)[rows] for name in ('signal', 'distance', 'status')}
+    return replace(recording, **seen)
+
+
+ENDS = ('vanished', 'other ID', 'stays bright')
+
+
+def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | None:
+    """Return how long a marker is followed after one of the `ENDS` [s].
+
+    None if it was not followed.
+    """
+    duration_s = _KNOWN_S + _AFTER_S
+    sent = _sent(range_m, duration_s, rng)
+    if end == 'other ID':
+        after = _sent(range_m, duration_s, rng).recording
+    elif end == 'stays bright':
+        after = _all_bright(sent.recording, rng)
+    else:
+        after = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=duration_s).recording
+    frame = round((_KNOWN_S + 1.3 * rng.random()) / SENSOR.period_s)
+    _, steps = play(_spliced(sent.recording, after, frame))
+    known = [any(one.id == sent.ids[0] for one in step.tracks) for step in steps]
+    if not known[frame - 1]:
+        return None
+    last = next((index for index in range(frame, len(known)) if not known[index]), len(known))
+    return (last - frame) * SENSOR.period_s
+
+
+_STRESSES: dict[str, dict[str, Any]] = {
+    'still': {},
+    'to and fro, 0.6 m/s': {'speed_m_s': 0.6},
+    'across, 0.3 m/s': {'way': 'across the view', 'speed_m_s': 0.3},
+    'across, 0.6 m/s': {'way': 'across the view', 'speed_m_s': 0.6},
+    'hand, 0.1 s a packet': {'stress': Stress('hand', hand_s=0.1)},
+    '10 % lost': {'stress': Stress('lost', lost=0.1)},
+}
+SCENES = tuple(_STRESSES)
+
+
+def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
+    """Return how often the track of a marker ends though the marker stays."""
+    sent = _sent(rng.uniform(1.0, 2.0), duration_s, rng, **_STRESSES[scene])
+    return play(sent.recording)[0].track_counts.ended
 
 
 def measure(gone_bits: float, seed: int, trials: int, duration_s: float) -> dict[str, Any]:
