@@ -21,7 +21,7 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import MARKER_SIZE_M, SIGNAL_AT_1_M, Noise, SecondSensor
-from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, zone_shares
+from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
 from retrolidar_ros.sensor.frame import Floats, Recording
@@ -251,6 +251,15 @@ def record(
     return Sent(recording, zones.own, zones.start_s, zones.packet_s, zones.seconds)
 
 
-def record_at(range_m: float, rng: np.random.Generator, stress: Stress = PLAIN, **how: Any) -> Sent:
-    """Return frames of markers of 3 cm at a distance [m], else as `record` has it."""
-    return record(stress, signal_at(range_m), rng, range_m=range_m, **how)
+def record_at(
+    range_m: float,
+    rng: np.random.Generator,
+    stress: Stress = PLAIN,
+    *,
+    size_m: float = MARKER_SIZE_M,
+    yaw_deg: float = 0.0,
+    **how: Any,
+) -> Sent:
+    """Return frames of markers of a size [m] at a distance [m], else as `record` has it."""
+    signal = float(received_signal(np.array(range_m), size_m**2, math.radians(yaw_deg)))
+    return record(stress, signal, rng, range_m=range_m, **how)

@@ -8,10 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evaluation.bench.recordings import Sent, record, record_at, rng_at
-from evaluation.bench.stresses import PLAIN
+from evaluation.bench.recordings import Sent, record_at, rng_at
 from evaluation.experiments import sweeps
 from evaluation.report.chart_style import (
     SHADES,
@@ -34,8 +32,7 @@ from evaluation.report.claims import (
 )
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import PACKET_S
-from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
+from retrolidar_ros.scene.optics import DISTANCE_EXPONENT
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
@@ -57,36 +54,20 @@ _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)
 _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
 
 
-def lone(
-    range_m: float,
-    rng: np.random.Generator,
-    *,
-    size_m: float = 0.03,
-    yaw_deg: float = 0.0,
-    ids: NDArray[np.int64] = USABLE_IDS,
-) -> Sent:
-    """Return lone packets of markers in all zones at a distance."""
-    at = np.array(range_m)
-    signal = float(received_signal(at, size_m**2, math.radians(yaw_deg)))
-    return record(PLAIN, signal, rng, ids, range_m=range_m)
-
-
 def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
     """Return the lone packets that every experiment has at a distance."""
     rng = rng_at(seed, range_m)
-    return [lone(range_m, rng) for _ in range(recordings)]
+    return [record_at(range_m, rng) for _ in range(recordings)]
 
 
 def repeating(range_m: float, rng: np.random.Generator, *, size_m: float, packets: int) -> Sent:
     """Return markers that repeat, for a time of some packets."""
-    signal = float(received_signal(np.array(range_m), size_m**2, 0.0))
-    lasting_s = packets * PACKET_S + LOOK_S
-    return record(PLAIN, signal, rng, range_m=range_m, repeated_s=lasting_s)
+    return record_at(range_m, rng, size_m=size_m, repeated_s=packets * PACKET_S + LOOK_S)
 
 
 def turned(yaw_deg: float, rng: np.random.Generator, *, range_m: float) -> Sent:
     """Return lone packets of markers that are turned."""
-    return lone(range_m, rng, yaw_deg=yaw_deg)
+    return record_at(range_m, rng, yaw_deg=yaw_deg)
 
 
 def _aside(angle_deg: float, rng: np.random.Generator) -> Sent:
@@ -225,7 +206,7 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         'Reading over distance',
         lambda got: f'Lone packets of 3 cm are read to {_read_to(got, "3 cm")}',
         _DISTANCE,
-        [sweeps.Curve('3 cm', lone, RANGES_M, LONE_RECORDINGS)],
+        [sweeps.Curve('3 cm', record_at, RANGES_M, LONE_RECORDINGS)],
         _reading_claims,
     ),
     'reach': sweeps.Sweep(
@@ -236,7 +217,9 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         ),
         'distance [m]',
         [
-            sweeps.Curve('1 cm, one packet', partial(lone, size_m=0.01), SMALL_M, SMALL_RECORDINGS),
+            sweeps.Curve(
+                '1 cm, one packet', partial(record_at, size_m=0.01), SMALL_M, SMALL_RECORDINGS
+            ),
             *(_several(size_cm, packets) for size_cm in (1, 3) for packets in (3, 8)),
         ],
         _reach_claims,
@@ -250,7 +233,9 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         ),
         'distance [m]',
         [
-            sweeps.Curve(f'{1e4 * at**2:g} cm²', partial(lone, size_m=at), _of_size(_LIKE_M, at))
+            sweeps.Curve(
+                f'{1e4 * at**2:g} cm²', partial(record_at, size_m=at), _of_size(_LIKE_M, at)
+            )
             for at in (0.01, 0.015, 0.02, 0.025, 0.03)
         ],
         lambda got: {'power': model(f'{_power(got):.2f}')},

@@ -13,7 +13,7 @@ from evaluation.bench.rates import nearest
 from evaluation.bench.recordings import Sent, record_at, rng_at
 from evaluation.experiments import paper_sweeps
 from evaluation.experiments.moving import across
-from evaluation.experiments.paper_sweeps import lone, turned
+from evaluation.experiments.paper_sweeps import turned
 from evaluation.experiments.sweeps import ends_of
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
@@ -42,7 +42,7 @@ _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.0, 1.2, 1.8)
 _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
-_yawed, _small = partial(turned, range_m=AT_M), partial(lone, size_m=0.01)
+_yawed, _small = partial(turned, range_m=AT_M), partial(record_at, size_m=0.01)
 
 
 def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
@@ -52,13 +52,13 @@ def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:
 Maker = Callable[[float, np.random.Generator], Sent]
 # Recordings of lone packets; the same frames as where these are swept alone.
 _COUNTS: dict[Maker, int] = {
-    lone: paper_sweeps.LONE_RECORDINGS,
+    record_at: paper_sweeps.LONE_RECORDINGS,
     _small: paper_sweeps.SMALL_RECORDINGS,
     _moved: 32,
 }
 # Of each sweep: its axis, its places, what these are to the camera, and what the LiDAR sees.
 _SWEEPS: dict[str, tuple[str, tuple[float, ...], str, Maker | None]] = {
-    '3 cm': ('distance [m]', paper_sweeps.TAG_RANGES_M, 'range_m', lone),
+    '3 cm': ('distance [m]', paper_sweeps.TAG_RANGES_M, 'range_m', record_at),
     '1 cm': ('distance [m]', _1_CM_M, 'range_m', _small),
     'yaw': ('yaw [°]', _ANGLES_DEG, 'yaw_deg', _yawed),
     # A retroreflector is the same about both axes.
@@ -74,7 +74,7 @@ _VIEWS = {'1 cm': {'size_m': 0.01}, 'speed, 4 ms': {'longest_s': 1 / 250}}
 def _lidar(make: Maker, place: float, *, quick: bool, seed: int) -> dict[str, Any]:
     """Return what both methods make of lone packets, with their errors of range."""
     recordings = max(1, _COUNTS.get(make, 3) // (3 if quick else 1))
-    at_m, results = place if make in (lone, _small) else AT_M, {}
+    at_m, results = place if make in (record_at, _small) else AT_M, {}
     found = judge_all(partial(make, place), recordings, rng_at(seed, place))
     for method, rows in found.items():
         off_m = [one.place.range_m - at_m for row in rows for one in row.own]

@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluation.bench.judging import Options, judge_all, read_of
 from evaluation.bench.rates import LEVEL, crossing, sum_of
-from evaluation.bench.recordings import rng_at
+from evaluation.bench.recordings import record_at, rng_at
 from evaluation.bench.reference_scene import marker_in_each_zone
 from evaluation.experiments import paper_sweeps
 from evaluation.peers import visual_markers
@@ -98,7 +98,7 @@ def _lidar(text: str, point: Point, quick: bool, seed: int) -> dict[str, Any]:
     places = (_LONE_M if point.packets == 1 else _SEVERAL_M)[:: 3 if quick else 1]
     is_lone, known = point.packets == 1, np.array(point.options.get('registered_ids', USABLE_IDS))
     several = partial(paper_sweeps.repeating, size_m=0.03, packets=point.packets)
-    make = partial(paper_sweeps.lone, ids=known) if is_lone else several
+    make = partial(record_at, ids=known) if is_lone else several
     found = []
     for range_m in places:
         count, rng = 1 if quick else point.recordings, rng_at(seed, range_m)

@@ -18,10 +18,10 @@ from harness_detector import ID, a_scene, simulate
 
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.judging import judged
-from evaluation.bench.recordings import Sent, record
+from evaluation.bench.recordings import Sent, record, record_at
 from evaluation.bench.reference_scene import walls
 from evaluation.bench.stresses import PANELS, PLAIN, STRESSES, Stress
-from evaluation.experiments.paper_sweeps import lone, repeating
+from evaluation.experiments.paper_sweeps import repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -67,7 +67,7 @@ def counts(
 
 @pytest.mark.parametrize(('size_m', 'range_m'), [(0.03, 2.7), (0.01, 1.5)])
 def test_four_of_five_lone_packets_are_read_far_away(size_m: float, range_m: float) -> None:
-    found = counts(lambda rng: lone(range_m, rng, size_m=size_m))
+    found = counts(lambda rng: record_at(range_m, rng, size_m=size_m))
     assert found.right >= 0.8 * 32
     assert found.wrong == 0
 
