@@ -17,18 +17,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from many_sensors import Sensors
 
 from evaluation.report.claims import write_figures
-from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator
+from retrolidar_ros.cli.demo import start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.files import find_scene
-from retrolidar_ros.settings.resources import shared_file
 
 SETTLING_S = 5.0
 HALF_EXPOSURE_S = 0.0105
-NODES = ('driver', 'detector')
+NODES = ('driver', 'detector')  # of a sensor, as they are started
 
 
 def cpu_seconds(pid: int) -> float:
@@ -52,27 +52,17 @@ def core_shares(
 
 def measure(seconds: float) -> dict[str, object]:
     """Run driver and detector with an emulated sensor; return losses, stamps, delays and CPU."""
-    with (
-        TemporaryDirectory() as directory,
-        ProcessGroup(Path(directory)) as processes,
-        closing(Listener(NAMESPACE)) as listener,
-    ):
-        port = Path(directory) / 'port'
-        common = ['--ros-args', '--params-file', str(shared_file('config/retrolidar.yaml'))]
-        common += ['-r', f'__ns:={NAMESPACE}', '-p', f'serial_port:={port}']
-        for name in NODES:
-            processes.start(name, [executable(name), *common])
-        node = listener.node
-        if not listener.spin_until(
-            lambda: all(node.count_publishers(topic) for topic in ('frames', 'markers')), 30.0
-        ):
-            sys.exit(f'{" and ".join(NODES)} did not start')
-        start_emulator(processes, str(find_scene('coffee')), port)
-        if not listener.spin_until(lambda: bool(listener.frames), 30.0):
-            sys.exit('no frames came')
-        listener.spin_until(lambda: False, SETTLING_S)
-        settled = len(listener.frames)
-        shares = core_shares(listener, {name: [processes.pid(name)] for name in NODES}, seconds)
+    with TemporaryDirectory() as directory, ProcessGroup(Path(directory)) as processes:
+        sensors = Sensors(processes, Path(directory), 1)
+        sensors.start_pairs()
+        pids = {name: [pid] for name, pid in zip(NODES, sensors.pids(), strict=True)}
+        with closing(Listener(sensors.namespaces[0])) as listener:
+            start_emulator(processes, str(find_scene('coffee')), Path(sensors.ports[0]))
+            if not listener.spin_until(lambda: bool(listener.frames), 30.0):
+                sys.exit('no frames came')
+            listener.spin_until(lambda: False, SETTLING_S)
+            settled = len(listener.frames)
+            shares = core_shares(listener, pids, seconds)
     frames = [message for message, _ in listener.frames[settled:]]
     sequence = np.array([message.sequence for message in frames])
     stamp_s = np.array([to_ns(message.header.stamp) for message in frames]) * 1e-9

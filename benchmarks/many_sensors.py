@@ -76,12 +76,12 @@ class Sensors:
         """Choose ports in a directory, and namespaces."""
         self.namespaces = [f'/sensor{index}' for index in range(number)]
         self._processes = processes
-        self._ports = [str(directory / f'port{index}') for index in range(number)]
+        self.ports = [str(directory / f'port{index}') for index in range(number)]
         self._nodes: list[str] = []
 
     def start_pairs(self) -> None:
         """Start a driver and a detector for each sensor, as `demo` does, and wait for them."""
-        for namespace, port in zip(self.namespaces, self._ports, strict=True):
+        for namespace, port in zip(self.namespaces, self.ports, strict=True):
             self._start('driver', namespace, '-p', f'serial_port:={port}')
             self._start('detector', namespace)
         topics = [f'{one}/{topic}' for one in self.namespaces for topic in ('frames', 'markers')]
@@ -97,11 +97,11 @@ class Sensors:
 
     def start_reader(self) -> None:
         """Start one process that reads all sensors."""
-        self._start('reader', '/hall', '-p', f'ports:={self._ports}')
+        self._start('reader', '/hall', '-p', f'ports:={self.ports}')
 
     def plug_in(self) -> None:
         """Start the sensors."""
-        self._processes.start('sensors', [sys.executable, __file__, *self._ports])
+        self._processes.start('sensors', [sys.executable, __file__, *self.ports])
 
     def pids(self) -> list[int]:
         """Return the process IDs of all nodes."""
