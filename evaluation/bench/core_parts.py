@@ -265,11 +265,10 @@ def use_core_with(changes: Sequence[Part]) -> None:
     """
     if _MODULE in sys.modules:
         raise RuntimeError('a core has been imported already')
+    check_changes({part.line: [part] for part in changes})
     folder = Path(mkdtemp(prefix='core_parts_'))
     sources = {path.name: path.read_text(encoding='utf-8') for path in core_sources()}
     for part in changes:
-        if sources.get(part.source, '').count(part.line) != 1:
-            raise ValueError(f'{part.source} has {part.line!r} not once')
         sources[part.source] = sources[part.source].replace(part.line, part.without)
     for file, text in sources.items():
         (folder / file).write_text(text, encoding='utf-8')
