@@ -45,14 +45,14 @@ FRAMES = 2000  # four times what eight packets take
 REPEATS = 2
 
 
-def recording(grid: ZoneGrid, talking: int, frames: int) -> Recording:
+def recording(grid: ZoneGrid, talking: int) -> Recording:
     """Return frames of a wall, tiled from those of 16 zones, of which some hold a marker."""
     tiles = []
     for tile in range(grid.zones // 16):
         rng = np.random.default_rng(tile)
         scene = marker_in_each_zone(RANGE_M, rng, start_s=(-1.3, 0.0))
         markers = tuple(scene.markers[zone] for zone in TALKING[:talking]) if tile == 0 else ()
-        tiles.append(Simulation(replace(scene, markers=markers), rng).run(frames * PERIOD_S))
+        tiles.append(Simulation(replace(scene, markers=markers), rng).run(FRAMES * PERIOD_S))
     arrays = {
         name: np.concatenate([getattr(tile, name) for tile in tiles], axis=1)
         for name in ('distance', 'signal', 'ambient', 'status')
@@ -94,8 +94,8 @@ def cases() -> Iterator[tuple[str, Recording]]:
     """Yield what the detector is given, by name."""
     for grid in GRIDS:
         zones = f'{grid.rows}×{grid.columns} zones'
-        yield f'{zones}, quiet', recording(grid, 0, FRAMES)
-        yield f'{zones}, three markers', recording(grid, len(TALKING), FRAMES)
+        yield f'{zones}, quiet', recording(grid, 0)
+        yield f'{zones}, three markers', recording(grid, len(TALKING))
     hands = restless_blocks(FRAMES * PERIOD_S, np.random.default_rng(1))
     yield '4×4 zones, moving hands', next(hands)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evaluation.bench.judging import BOTH, judged, read_of
 from evaluation.bench.rates import LEVEL, Rate, crossing, rate
 from evaluation.bench.recordings import Sent, signal_at, snr_db
-from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
+from evaluation.experiments.paper_sweeps import lone_packets
 from evaluation.report.chart_style import draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import create_detector
@@ -89,7 +89,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     seed, ranges_m = int(rng.integers(2**31)), RANGES_M[::3] if quick else RANGES_M
     shares: dict[str, list[Rate]] = {name: [] for name in _NAMES}
     for range_m in ranges_m:
-        sent = lone_packets(range_m, seed, 1 if quick else LONE_RECORDINGS)
+        sent = lone_packets(range_m, seed, quick=quick)
         few, genie = sent[:_GENIE_RECORDINGS], partial(genie_ids, signal=signal_at(range_m))
         shares['genie'].append(_named(few, genie))
         shares['searched'].append(_named(few, searched_ids))

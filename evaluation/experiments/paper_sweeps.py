@@ -54,10 +54,10 @@ _LIKE_M = (1.8, 2.2, 2.4, 2.6, 2.7, 2.8, 2.9, 3.0, 3.2)
 _OF_SEVERAL_M = (2.4, 2.8, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0)
 
 
-def lone_packets(range_m: float, seed: int, recordings: int = LONE_RECORDINGS) -> list[Sent]:
+def lone_packets(range_m: float, seed: int, *, quick: bool) -> list[Sent]:
     """Return the lone packets that every experiment has at a distance."""
     rng = rng_at(seed, range_m)
-    return [record_at(range_m, rng) for _ in range(recordings)]
+    return [record_at(range_m, rng) for _ in range(1 if quick else LONE_RECORDINGS)]
 
 
 def repeating(range_m: float, rng: np.random.Generator, *, size_m: float, packets: int) -> Sent:

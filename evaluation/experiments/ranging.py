@@ -11,7 +11,7 @@ from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.rates import nearest
 from evaluation.bench.reference_scene import marker_in_each_zone, walls
 from evaluation.experiments.link import NEVER_S, board_signal
-from evaluation.experiments.paper_sweeps import LONE_RECORDINGS, lone_packets
+from evaluation.experiments.paper_sweeps import lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, model
 from retrolidar_ros.detector import METHODS
@@ -51,7 +51,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     seed, points = int(rng.integers(2**31)), []
     for range_m in _RANGES_M[:: 3 if quick else 1]:
         errors: dict[str, list[float]] = {kind: [] for kind in _KINDS}
-        for sent in lone_packets(range_m, seed, 1 if quick else LONE_RECORDINGS):
+        for sent in lone_packets(range_m, seed, quick=quick):
             for method in METHODS:
                 own = judged(sent, BOTH[method]).own
                 errors[method] += [one.place.range_m - range_m for one in own]
