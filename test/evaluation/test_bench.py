@@ -1,82 +1,21 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments are made of: places, recordings, times, landmarks."""
+"""What experiments are made of: recordings, disturbances, times."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from evaluation.bench import landmark_parts, landmark_trials, places
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
-from evaluation.bench.judging import BOTH, judged, watch
-from evaluation.bench.landmark_trials import drone_trial, room_trial, tilt_trial
+from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.stresses import PLAIN, STRESSES, Stress
-from evaluation.experiments import coffee, time_to_id
+from evaluation.experiments import time_to_id
 from evaluation.experiments.moving import across
-from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
-from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.tasks.reading import SensorPose
-
-WORLD = load_scene('coffee')
-ANGLES = st.floats(-math.pi, math.pi)
-
-
-@given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
-def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
-    pose = SensorPose(np.array([0.1, -0.2, 0.05]), places.rotation(yaw, pitch, roll))
-    assert np.linalg.det(pose.rotation) == pytest.approx(1)
-    there_m = places.markers_at(WORLD)
-    assert places.to_world(pose, places.to_sensor(pose, there_m)) == pytest.approx(there_m)
-
-
-def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
-    grid = ZoneGrid()
-    middles = np.append(grid.tangents, np.ones((grid.zones, 1)), axis=1)
-    markers_m = [middles, -middles, middles * [1.2, 1, 1], middles[[0, 0, 1]]]
-    assert [places.sees_all(one, grid) for one in markers_m] == [True, False, False, False]
-
-
-def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
-    scene = places.view_from(SensorPose(np.zeros(3), np.eye(3)), WORLD, np.random.default_rng(0))
-    assert places.markers_at(scene) == pytest.approx(places.markers_at(WORLD))
-    shown, shipped = (
-        {zone: one.distance_m for one in view.surfaces for zone in one.zones or ()}
-        for view in (scene, WORLD)
-    )
-    assert set(shown) == set(range(16))
-    assert shown == pytest.approx(shipped, abs=0.02)
-
-
-def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
-    recording = Simulation(WORLD).run(4)
-    steps = watch(create_detector('joint', recording.grid), recording)
-    readings = [(step, one) for step in steps for one in step.detections]
-    assert {one.id for _, one in readings} == {one.id for one in WORLD.markers}
-    for step, detection in readings:
-        assert step.frame.stamp_ns == pytest.approx(1e9 * step.known_s + recording.stamp_ns[0])
-        assert detection.start_ns < detection.stamp_ns < detection.end_ns
-        assert 0 <= step.frame.stamp_ns - detection.end_ns < 0.5e9
-
-
-def test_objects_that_are_not_read_are_not_placed() -> None:
-    rng = np.random.default_rng(2)
-    pose = places.random_pose(WORLD, rng)
-    scene = places.view_from(pose, WORLD, rng)
-    recording = Simulation(replace(scene, markers=scene.markers[:2]), rng).run(4)
-    time_s, errors = coffee.place_all('joint', recording, scene, pose)
-    assert time_s == math.inf
-    assert set(errors) == {marker.name for marker in scene.markers[:2]}
 
 
 @pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)
@@ -133,11 +72,6 @@ def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
         assert (np.isnan(block.distance) == none).all()
 
 
-def test_time_by_which_a_share_is_identified() -> None:
-    times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
-    assert [time_to_id.time_by_which(share, times_s) for share in (0.5, 0.9)] == [3.0, None]
-
-
 def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
     sent = time_to_id.appearing(1.0, np.random.default_rng(3))
     before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
@@ -146,31 +80,3 @@ def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() 
     assert np.isfinite(times_s).all()
     assert times_s.min() > 19 * BIT_PERIOD_S  # seven bits of the preamble and twelve of the ID
     assert wrong <= 1  # a packet that comes into view half sent may look like another
-
-
-def test_bits_that_tell_ids_apart() -> None:
-    ids = np.random.default_rng(3).choice(USABLE_IDS, 3, replace=False)
-    own, *others = packet(ids)
-    turned = [np.roll(other, -turn) for other in others for turn in range(PACKET_BITS)]
-    for start, needed in enumerate(time_to_id.needed_bits(ids)):
-        differing = np.cumsum(np.roll(own, -start) != turned, axis=1).min(axis=0)
-        assert needed == 1 + np.argmax(differing >= 2)
-
-
-@pytest.mark.parametrize('part', landmark_parts.PARTS)
-def test_what_a_part_is_switched_off_by_exists(part: str) -> None:
-    for target, attribute, _ in landmark_parts.PARTS[part]:
-        assert hasattr(target, attribute), f'{part}: there is no {attribute}'
-
-
-def test_an_object_a_drone_and_a_robot_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(landmark_trials, 'FLIGHT_S', 10.0)
-    rng = np.random.default_rng(1)
-    tilt_deg, off_m = tilt_trial(math.radians(15), rng), room_trial(rng)
-    assert tilt_deg is not None
-    sight_deg, fixed_deg = tilt_deg
-    assert sight_deg < 2
-    assert fixed_deg < 20
-    assert off_m is not None
-    assert off_m < 0.1
-    assert np.median([one.position_m for one in drone_trial(rng)[3:]]) < 0.05

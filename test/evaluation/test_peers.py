@@ -14,7 +14,6 @@ from evaluation.peers import camera
 from evaluation.peers.visual_markers import (
     APRILTAG,
     APRILTAG_FINE,
-    IDS,
     QR,
     AprilTagReader,
     View,
@@ -48,31 +47,6 @@ def test_a_short_exposure_is_sharp() -> None:
     edge = np.tile(np.repeat([0.0, 1.0], 50), (3, 1))
     spread = camera.smear(edge, 7.5)[0]
     assert ((spread > 1e-9) & (spread < 1 - 1e-9)).sum() == pytest.approx(7.5, abs=1)
-
-
-def test_the_tag_is_where_the_homography_puts_it(rng: np.random.Generator) -> None:
-    reader = READERS[APRILTAG]
-    assert isinstance(reader, AprilTagReader)
-    background = camera.Background(rng)
-    for _ in range(5):
-        plate, pose = reader.plate(7, 0.03), camera.facing_pose(0.4, 300, math.radians(10), rng)
-        light, window = background.with_plate(plate.cells, plate.side_m, pose)
-        (tag,) = reader.detector.detect(camera.expose(light, 300, rng))
-        own = camera.transform(pose.homography, 0.03 * 5 / 9 * SQUARE) - (window.left, window.top)
-        # The library begins at the lower left one.
-        assert np.abs(tag.corners - own[[3, 2, 1, 0]]).max() < 0.5
-
-
-@pytest.mark.parametrize('name', READERS)
-def test_a_clean_picture_gives_id_and_range(name: str, rng: np.random.Generator) -> None:
-    reader, background = READERS[name], camera.Background(rng)
-    for identity in (0, 42, IDS - 1):
-        plate = reader.plate(identity, 0.03)
-        pose = camera.facing_pose(0.5, 300, math.radians(10), rng)
-        light, window = background.with_plate(plate.cells, plate.side_m, pose)
-        (seen,) = reader.read(camera.expose(light, 300, rng), window.centre_px, 0.03)
-        assert seen.id == identity
-        assert seen.range_m == pytest.approx(0.5, rel=0.01)
 
 
 @pytest.mark.parametrize('yaw_deg', [0, 20, 40])

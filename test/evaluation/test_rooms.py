@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluation.bench import rooms
 from evaluation.bench.room_markers import (
     FOREIGN,
     MOTIONS,
@@ -18,7 +17,6 @@ from evaluation.bench.room_markers import (
 )
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
-from evaluation.experiments.rooms import counted, summary
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -57,18 +55,6 @@ def scored(room: Room, id_: int | None = None) -> Scored:
     return score(simulation, packets_of(simulation), found)
 
 
-def test_a_room_is_that_of_its_seed() -> None:
-    frames = []
-    for seed, number in ((7, 3), (7, 3), (7, 4), (8, 3)):
-        rng = np.random.default_rng([seed, number])
-        room = draw_room(rng)
-        frames.append(RoomSimulation(room, rng).run(5.0))
-    np.testing.assert_array_equal(frames[0].signal, frames[1].signal)
-    assert not any(np.array_equal(frames[0].signal, other.signal) for other in frames[2:])
-    alone, again = (rooms.play(number=3, seed=7) for _ in range(2))
-    assert alone.scored == again.scored
-
-
 def test_all_that_is_named_is_drawn() -> None:
     drawn = [draw_room(np.random.default_rng([1, number])) for number in range(150)]
     markers = [marker for room in drawn for marker in room.markers]
@@ -101,14 +87,6 @@ def test_what_is_said_to_be_sent_is_in_the_light_and_silence_is_bright() -> None
     partial = [one for one in sent if not one.whole]
     assert partial[0].start_s == 0.0
     assert all(one.end_s > DURATION_S - 3 for one in partial[1:])
-
-
-def test_a_plain_room_is_read_fully() -> None:
-    result = scored(one_marker())
-    whole = [read for one, read in zip(result.sent, result.read, strict=True) if one.whole]
-    assert len(whole) >= 12
-    assert all(whole)
-    assert result.wrong == []
 
 
 def test_an_id_that_was_not_sent_is_wrong() -> None:
@@ -158,13 +136,3 @@ def test_whatever_a_foreign_marker_is_read_as_is_wrong() -> None:
     assert result.readings
     assert {one.near for one in result.wrong} == {'period'}
     assert len(result.wrong) == len(result.readings)
-
-
-def test_sums_are_those_of_their_cells() -> None:
-    results = [rooms.play(number, 11) for number in range(2)]
-    figures = summary(results)
-    packets, read, _ = counted(figures, None)
-    assert packets == sum(one.whole for result in results for one in result.scored.sent)
-    assert read == figures['read']['hits']
-    by_motion = [counted(figures, None, motion) for motion in MOTIONS]
-    np.testing.assert_array_equal(np.sum(by_motion, axis=0), counted(figures, None))
