@@ -17,8 +17,8 @@ pytest.importorskip('launch_testing', reason='needs launch_testing, which has no
 
 import launch_testing
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from std_msgs.msg import Bool
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from std_msgs.msg import Bool, String
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -46,7 +46,8 @@ from harness_observer import RELIABLE, values_of
 from harness_tasks import SENSOR_VIEW, check_coffee, check_landmarks, deviation_m, squared
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import to_ns, vector_of
+from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
@@ -56,6 +57,9 @@ IDS = {marker.id for marker in COFFEE.markers}
 SERVER = '127.0.0.1:11899'
 SIDES = ('left', 'right')
 HALL = {'left': IDS, 'right': {2127}}
+ARM = load_scene('arm')
+WANTED_M = 0.01
+MINUTE_S = 60.0
 
 
 def directory():
@@ -167,6 +171,49 @@ def check_hall(observer):
         assert observer.spin_until(lambda: read() == HALL, PATIENCE_S), read()
 
 
+def check_arm(observer, node):
+    """All objects get to a centimetre within a minute, and are where they are."""
+    truth = {one.name: IN_BASE @ np.array(one.position_m) for one in ARM.markers}
+    poses = {
+        name: observer.collect(PoseWithCovarianceStamped, f'{node}/objects/{name}')
+        for name in truth
+    }
+
+    def are_known():
+        spread = [deviation_m(one[-1]) for one in poses.values() if one]
+        return len(spread) == len(truth) and max(spread) <= WANTED_M
+
+    observer.wait(are_known, 'objects that are known to a centimetre', MINUTE_S)
+    for name, came in poses.items():
+        assert came[-1].header.frame_id == 'base_link'
+        assert squared(came[-1], truth[name]) < MAX_MAHALANOBIS, name
+
+
+def check_arm_of_coffee(observer):
+    ready = observer.collect(Bool, 'coffee/ready')
+    views = observer.collect(PoseStamped, 'coffee/next_view')
+    missing = observer.collect(String, 'coffee/missing')
+    check_arm(observer, 'coffee')
+    observer.wait(lambda: ready[-1].data and not missing[-1].data, 'coffee that is ready')
+    assert views
+    # The reach is around the place of the first reading; the arm does not stand there.
+    first_ns = to_ns(views[0].header.stamp)
+    places = np.array(
+        [
+            vector_of(one.transform.translation)
+            for one in observer.transforms
+            if one.child_frame_id == 'retrolidar_optical_frame'
+            and to_ns(one.header.stamp) <= first_ns
+        ]
+    )
+    for view in views:
+        assert view.header.frame_id == 'base_link'
+        apart_m = np.linalg.norm(vector_of(view.pose.position) - places, axis=1)
+        assert apart_m.min() < 0.5 + 0.02
+    stamps = np.array([one.header.stamp.sec for one in views])
+    assert len(views) < 12, stamps  # not with every reading
+
+
 CASES = {
     'sensor': ('retrolidar', {'serial_port': str(PORTS / 'port')}, check_sensor),
     'emulated': (
@@ -210,6 +257,8 @@ CASES = {
         },
         check_hall,
     ),
+    'arm': ('landmarks', {'emulate': 'arm'}, lambda observer: check_arm(observer, 'landmarks')),
+    'arm_of_coffee': ('coffee', {'emulate': 'arm'}, check_arm_of_coffee),
 }
 """A launch file, its arguments, and what is checked."""
 
@@ -218,6 +267,7 @@ GROUPS = {
     'plugged_sensor': ['sensor'],
     'one_sensor': ['drone', 'landmarks', 'emulated'],
     'objects': ['coffee', 'two_sensors'],
+    'arms': ['arm', 'arm_of_coffee'],  # which reach their goals by themselves
     'many_sensors': ['three_sensors', 'hall'],
 }
 """What is launched at the same time; stamps are checked where nothing else starts."""
