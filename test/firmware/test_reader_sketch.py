@@ -127,7 +127,8 @@ def identities(line: bytes) -> list[Identity]:
 
 def test_the_reader_says_who_it_is_at_the_start_and_when_asked(programs: Path) -> None:
     frames = results_of_driver(raw_frames(3), [0, 0, 0])
-    given = typed('identif', 'identify everything', '', 'identify') + frames
+    no_commands = ('identif', 'identify now', '', 'starts', 'STOP', 'start' + 99 * 'x', 'sto\rp')
+    given = typed(*no_commands, 'identify\r') + frames
     line = run_host(programs / 'reader_host', 0, FRAME_US, given=given)
     assert identities(line) == 2 * [Identity(VERSION, SERIAL.hex(), True)]
     seen, reader = read_line(line)

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import record
 from evaluation.bench.stresses import PLAIN
-from evaluation.experiments.marker import WITH_LIDAR_V
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.wakeup import (
@@ -89,14 +88,6 @@ def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
 RANGES_M = st.floats(0.1, 20)
 ANGLES_RAD = st.floats(0, LARGEST_ANGLE_RAD)
 NOISES_V = st.sampled_from(sorted(NOISE_V.values()))
-
-
-def test_the_model_has_too_much_light_rather_than_too_little() -> None:
-    at_1_m = float(voltage_v(np.array(1.0)))
-    assert at_1_m == pytest.approx(WITH_LIDAR_V, rel=0.05)
-    assert at_1_m > WITH_LIDAR_V
-    # Had voltages been added, the guard would be all the light there is at 2.25 m.
-    assert NOISE_V['indoors'] + GUARD_V * 2.25**2 < 0.7 * WITH_LIDAR_V
 
 
 def test_outdoors_the_indoor_threshold_keeps_the_marker_awake() -> None:

@@ -17,7 +17,7 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Sensor, Surface
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
-from retrolidar_ros.scene.truth import judge, true_position
+from retrolidar_ros.scene.truth import judge
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
@@ -194,11 +194,3 @@ def test_truth_is_the_range_at_the_stamp() -> None:
     assert (other.id, other.name, other.good) == (7, 'ghost', False)
     (unread,) = judge(scene, recording, [])
     assert (unread.readings, unread.good) == (0, False)
-
-
-def test_a_marker_at_rest_has_one_range_at_all_times() -> None:
-    scene = load_scene('drone')
-    marker = replace(scene.markers[0], wander=None)
-    recording = Simulation(scene).run(1.0)
-    places = true_position(scene, marker, recording, np.array([[0.0, 1e8], [2e8, 3e8]]))
-    assert places == pytest.approx(np.broadcast_to(marker.position_m, (2, 2, 3)))
