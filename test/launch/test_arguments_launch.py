@@ -9,7 +9,6 @@ import sys
 import tempfile
 import unittest
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from pathlib import Path
 from unittest.mock import patch
 
@@ -27,7 +26,7 @@ from launch_testing.util import KeepAliveProc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness_launch import SCRIPT
+from harness_launch import SCRIPT, processes
 from harness_observer import Observer
 
 from retrolidar_ros.settings.resources import shared_file
@@ -49,13 +48,6 @@ WRONG = {
 @pytest.mark.launch_test
 def generate_test_description():
     return LaunchDescription([KeepAliveProc(), launch_testing.actions.ReadyToTest()])
-
-
-def commands():
-    """Yield the command lines of all processes there are."""
-    for file in Path('/proc').glob('[0-9]*/cmdline'):
-        with suppress(OSError):
-            yield file.read_text()
 
 
 def pretend_that_rviz_is_installed():
@@ -114,7 +106,7 @@ class TestArguments(unittest.TestCase):
                 assert result.returncode == 1, output
                 assert argument.partition(':=')[2] in output
                 assert 'process started' not in output
-        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
+        assert not [line for _, line in processes() if f'__ns:=/{NAMESPACE}' in line]
 
     def test_a_misconfigured_node_is_not_started_again(self):
         """The others go on, until the launch is interrupted."""
@@ -132,7 +124,7 @@ class TestArguments(unittest.TestCase):
         launch.send_signal(signal.SIGINT)
         output = ''.join([*lines, launch.communicate(timeout=60)[0]])
         assert output.count('FATAL') == output.count(told) == 1, output
-        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
+        assert not [line for _, line in processes() if f'__ns:=/{NAMESPACE}' in line]
 
     def test_every_launch_file_shows_its_topics_in_its_frame(self):
         of_sensor = {'points', 'marker_array', 'signal_image'}

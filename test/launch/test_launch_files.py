@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each launch file, with the assertions that test/nodes makes of plain processes."""
 
+import os
+import signal
 import sys
 import tempfile
 import time
 import unittest
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -18,6 +21,7 @@ pytest.importorskip('launch_testing', reason='needs launch_testing, which has no
 import launch_testing
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from launch_ros.actions import PushRosNamespace
 from std_msgs.msg import Bool, String
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -41,6 +45,7 @@ from harness_launch import (
     included,
     launched,
     observer_in,
+    processes,
 )
 from harness_observer import RELIABLE, values_of
 from harness_tasks import SENSOR_VIEW, check_coffee, check_landmarks, deviation_m, squared
@@ -58,6 +63,7 @@ SERVER = '127.0.0.1:11899'
 SIDES = ('left', 'right')
 HALL = {'left': IDS, 'right': {2127}}
 ARM = load_scene('arm')
+ROBOTS = ('robot1', 'robot2')  # in one domain
 WANTED_M = 0.01
 MINUTE_S = 60.0
 
@@ -68,6 +74,11 @@ def directory():
 
 PORTS, SAVED, OWN = directory(), directory() / 'room.yaml', directory() / 'parameters.yaml'
 IMPATIENT = directory() / 'impatient.yaml'
+QUALITIES = directory() / 'qualities.yaml'
+QUALITIES.write_text(
+    '/**:\n  ros__parameters:\n'
+    '    qos_overrides./launched/robot1/points.publisher.reliability: best_effort\n'
+)
 OWN.write_text('/**/driver:\n  ros__parameters:\n    frame_id: gripper_lidar\n')
 OVERDUE_AFTER_S = 2.0
 LATENESS_S = 3.0  # of the node, which looks at the time ten times a second, on a busy machine
@@ -171,6 +182,34 @@ def check_hall(observer):
         assert observer.spin_until(lambda: read() == HALL, PATIENCE_S), read()
 
 
+ROBOT = {
+    'emulate': 'coffee',
+    'params_file': str(QUALITIES),
+    'respawn_delay': '0.5',
+    'log_level': 'warn',
+}
+
+
+def check_robot(observer, nodes, reliability):
+    """Each is read by itself, qualities of service are its own, and what is killed comes again."""
+    wait_for_traffic(observer)
+    wait_for_readings(observer, IDS)
+    check_detections(observer, COFFEE, 'retrolidar_optical_frame')
+    (found,) = observer.node.get_publishers_info_by_topic(f'{observer.namespace}/points')
+    assert found.qos_profile.reliability.name == reliability
+    for node in nodes:
+        own = (f'/retrolidar_ros/{node}\0', f'__ns:={observer.namespace}\0')
+        (pid,) = (pid for pid, line in processes() if all(part in line for part in own))
+        os.kill(pid, signal.SIGKILL)
+        killed_ns = time.time_ns()
+
+        def read_since(since_ns=killed_ns):
+            # What was read before may still come.
+            return {one.id for one, _ in observer.markers if to_ns(one.start) > since_ns}
+
+        observer.wait(lambda read=read_since: read() >= IDS, node)
+
+
 def check_arm(observer, node):
     """All objects get to a centimetre within a minute, and are where they are."""
     truth = {one.name: IN_BASE @ np.array(one.position_m) for one in ARM.markers}
@@ -253,9 +292,19 @@ CASES = {
             'server': SERVER,
             'ports': str([str(PORTS / name) for name in HALL]),
             'names': str(list(HALL)),
-            'markers': '/launched_hall/markers',
+            'markers': '/launched/hall/markers',
         },
         check_hall,
+    ),
+    'robot1': (
+        'retrolidar',
+        ROBOT,
+        partial(check_robot, nodes=('detector', 'driver'), reliability='BEST_EFFORT'),
+    ),
+    'robot2': (
+        'retrolidar',
+        {**ROBOT, 'single_process': 'true'},
+        partial(check_robot, nodes=('reader',), reliability='RELIABLE'),
     ),
     'arm': ('landmarks', {'emulate': 'arm'}, lambda observer: check_arm(observer, 'landmarks')),
     'arm_of_coffee': ('coffee', {'emulate': 'arm'}, check_arm_of_coffee),
@@ -267,12 +316,15 @@ GROUPS = {
     'plugged_sensor': ['sensor'],
     'one_sensor': ['drone', 'landmarks', 'emulated'],
     'objects': ['coffee', 'two_sensors'],
+    'robots': [*ROBOTS],
     'arms': ['arm', 'arm_of_coffee'],  # which reach their goals by themselves
+    # Last: a process that has used a discovery server does not discover others without one.
     'many_sensors': ['three_sensors', 'hall'],
 }
 """What is launched at the same time; stamps are checked where nothing else starts."""
 assert sorted(chain.from_iterable(GROUPS.values())) == sorted(CASES)
 DOMAINS = {case: domain_of(index) for index, case in enumerate(CASES)}
+DOMAINS |= dict.fromkeys(ROBOTS, DOMAINS[ROBOTS[0]])
 
 
 @pytest.mark.launch_test
@@ -281,8 +333,8 @@ def generate_test_description(group):
     actions = []
     for case in GROUPS[group]:
         name, arguments, _ = CASES[case]
-        action = included(name, namespace=f'launched_{case}', **arguments)
-        actions.append(in_domain(DOMAINS[case], action))
+        action = included(name, namespace=case, **arguments)
+        actions.append(in_domain(DOMAINS[case], PushRosNamespace('launched'), action))
     return launched(*actions)
 
 
@@ -293,14 +345,14 @@ class TestLaunchFiles(unittest.TestCase):
         observers = {}
         for case in GROUPS[group]:
             server = {'ROS_DISCOVERY_SERVER': SERVER} if case == 'hall' else {}
-            observers[case] = observer_in(DOMAINS[case], f'/launched_{case}', **server)
+            observers[case] = observer_in(DOMAINS[case], f'/launched/{case}', **server)
             self.addCleanup(observers[case].close)
         check_at_once(self, {case: CASES[case][-1] for case in observers}, observers)
 
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    """All processes end in order."""
+    """All processes end in order, but for those that were killed."""
 
-    def test_exit_codes(self, proc_info):
-        check_exit_codes(proc_info)
+    def test_exit_codes(self, proc_info, group):
+        check_exit_codes(proc_info, *([-signal.SIGKILL] if group == 'robots' else []))
