@@ -1,32 +1,147 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments are made of: recordings, disturbances, times."""
+"""Recordings and random rooms: true to what they say was sent, and scored by that."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
-from evaluation.bench.judging import BOTH, judged
+from evaluation.bench.judging import BOTH
 from evaluation.bench.recordings import SILENCE_BITS, record
-from evaluation.bench.stresses import PLAIN, STRESSES, Stress
+from evaluation.bench.room_markers import (
+    FOREIGN,
+    MOTIONS,
+    SENDINGS,
+    Course,
+    room_marker,
+)
+from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
+from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
+from evaluation.bench.stresses import PLAIN
 from evaluation.experiments import time_to_id
-from evaluation.experiments.moving import across
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
+from retrolidar_ros.detector import Detection, create_detector
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
+from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
+from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
 
+DURATION_S = 20.0
+PLACE_M = 1.0 * SENSOR.grid.directions[5]
 
-@pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)
-def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
-    first, second = (record(stress, 150.0, np.random.default_rng(7)) for _ in range(2))
-    np.testing.assert_array_equal(first.recording.signal, second.recording.signal)
-    assert (first.recording.signal >= 0).all()
-    assert (np.diff(first.recording.stamp_ns) > 0).all()
-    assert len(set(first.ids.tolist())) == first.recording.grid.zones
-    if first.seconds is not None:
-        assert (first.seconds != first.ids).all()
+
+def one_marker(sending: str = 'repeating', seed: int = 0) -> Room:
+    """Return the reference scene with one marker at 1 m that always sends."""
+    rng = np.random.default_rng(seed)
+    bit_s = BIT_PERIOD_S * (2.5 if sending == 'period' else 1.0)
+    marker = room_marker(sending, Course('still', PLACE_M), bit_s, -0.4, DURATION_S, rng)
+    wall = Surface(1.05, WALL_SIGNAL)
+    scene = Scene(duration_s=DURATION_S, sensor=SENSOR, surfaces=(wall,))
+    return Room(scene, BIT_PERIOD_S, (marker,))
+
+
+def simulated(room: Room) -> tuple[RoomSimulation, Recording]:
+    simulation = RoomSimulation(room, np.random.default_rng(1))
+    return simulation, simulation.run(room.scene.duration_s)
+
+
+def readings(recording: Recording) -> list[Detection]:
+    return create_detector('joint', recording.grid).update_all(recording)
+
+
+def scored(room: Room, id_: int | None = None) -> Scored:
+    """Return the score of what is read of a room, or of that read as another ID."""
+    simulation, recording = simulated(room)
+    found = [replace(one, id=one.id if id_ is None else id_) for one in readings(recording)]
+    return score(simulation, packets_of(simulation), found)
+
+
+def test_all_that_is_named_is_drawn() -> None:
+    drawn = [draw_room(np.random.default_rng([1, number])) for number in range(150)]
+    markers = [marker for room in drawn for marker in room.markers]
+    assert {marker.sending for marker in markers} == {*SENDINGS, *FOREIGN}
+    assert {marker.course.motion for marker in markers} == set(MOTIONS)
+    assert any(math.isfinite(marker.present_s[0]) for marker in markers)
+    assert {len(room.markers) for room in drawn} == {1, 2, 3, 4, 16}
+    assert {room.scene.sensor.grid.rows for room in drawn} == {4, 8}
+    assert {room.cloth[0] > 0 for room in drawn} == {True, False}
+    for what in ('surfaces', 'moving_surfaces'):
+        assert {bool(getattr(room.scene, what)) for room in drawn} == {True, False}
+    for what in ('lost', 'abnormal', 'jitter_s'):
+        assert {getattr(room.scene.sensor, what) > 0 for room in drawn} == {True, False}
+
+
+def test_what_is_said_to_be_sent_is_in_the_light_and_silence_is_bright() -> None:
+    room = one_marker('pauses')
+    simulation, recording = simulated(room)
+    sent = packets_of(simulation)
+    assert {(one.zone, one.company, one.signal) for one in sent} == {(5, COMPANY[0], SIGNALS[-1])}
+    time_s, signal, (marker,) = 1e-9 * recording.stamp_ns, recording.signal[:, 5], room.markers
+    for one in (one for one in sent if one.whole):
+        middles_s = one.start_s + marker.bit_s * (np.arange(PACKET_BITS) + 0.5)
+        bits = np.interp(middles_s, time_s, signal)
+        np.testing.assert_array_equal(bits < bits.max() / 2, packet(one.id) == 1)
+    ends_s = [(one.start_s - 0.02, one.end_s + 0.04) for one in sent]
+    silent = np.array([not any(start < at < end for start, end in ends_s) for at in time_s])
+    assert silent.any()
+    assert signal[silent].min() > 0.8 * signal.max()
+    partial = [one for one in sent if not one.whole]
+    assert partial[0].start_s == 0.0
+    assert all(one.end_s > DURATION_S - 3 for one in partial[1:])
+
+
+def test_an_id_that_was_not_sent_is_wrong() -> None:
+    room = one_marker()
+    other = int(USABLE_IDS[USABLE_IDS.searchsorted(room.markers[0].ids[0]) - 1])
+    result = scored(room, other)
+    assert result.readings
+    assert not any(right for _, right in result.readings)
+    assert not any(result.read)
+    assert {one.true_ids for one in result.wrong} == {(room.markers[0].ids[0],)}
+    assert {(one.near, one.motion, one.signal) for one in result.wrong} == {
+        ('repeating', 'still', 'bright')
+    }
+
+
+@pytest.mark.parametrize(
+    ('zone', 'early_packets', 'end_packets', 'right', 'misdated'),
+    [
+        (5, 0.0, 0.0, True, 0),
+        (6, 0.0, 0.0, True, 0),
+        (7, 0.0, 0.0, False, 0),
+        (5, 0.4, 0.0, True, 0),
+        (5, 0.9, 0.0, False, 0),
+        (5, 0.9, 0.9, True, 1),
+    ],
+)
+def test_an_id_is_right_in_its_direction_and_at_its_time_or_by_its_samples(
+    zone: int, early_packets: float, end_packets: float, right: bool, misdated: int
+) -> None:
+    room = one_marker('lone', seed=3)
+    simulation, recording = simulated(room)
+    found = readings(recording)[0]
+    start_ns = found.start_ns - round(1e9 * early_packets * PACKET_S)
+    end_ns = start_ns + round(1e9 * (1 + end_packets) * PACKET_S)
+    place = replace(found.place, position_m=SENSOR.grid.directions[zone])
+    moved = replace(found, place=place, start_ns=start_ns, end_ns=end_ns)
+    result = score(simulation, packets_of(simulation), [moved])
+    assert [is_right for _, is_right in result.readings] == [right]
+    assert result.misdated == misdated
+
+
+def test_whatever_a_foreign_marker_is_read_as_is_wrong() -> None:
+    simulation, _ = simulated(one_marker('period'))
+    _, recording = simulated(one_marker())
+    assert packets_of(simulation) == []
+    result = score(simulation, [], readings(recording))
+    assert result.readings
+    assert {one.near for one in result.wrong} == {'period'}
+    assert len(result.wrong) == len(result.readings)
 
 
 def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
@@ -46,17 +161,6 @@ def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() ->
     assert near.sum(axis=0) * 0.021 == pytest.approx(np.full(16, 0.3), abs=0.05)
     wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0))
     assert wall.recording.signal.min(axis=0) == pytest.approx(np.full(16, 77.0), abs=25)
-
-
-def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
-    rng = np.random.default_rng(3)
-    path = across(0.4, 1.0, rng)
-    sent = record(PLAIN, 360.0, rng, range_m=1.0, repeated_s=8.0, path=path)
-    speeds = np.abs(np.diff(path(np.arange(0, 8, 0.01))[:, 0])) / 0.01
-    assert np.median(speeds) == pytest.approx(0.4)
-    seen = sent.recording.signal.argmax(axis=1)[sent.recording.signal.max(axis=1) > 100]
-    assert len(np.unique(seen % 4)) == 4
-    assert judged(sent, BOTH['joint'], lone=False).right.shape == (1,)
 
 
 @pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)

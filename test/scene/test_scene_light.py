@@ -81,16 +81,6 @@ def test_shares_are_those_of_scattered_points(
     assert shares[0] == pytest.approx(by_chance(np.array(position), size, grid, blur), abs=7.1e-3)
 
 
-@pytest.mark.parametrize('grid', GRIDS)
-def test_a_marker_is_in_the_zone_that_looks_at_it(grid: ZoneGrid) -> None:
-    shares = zone_shares(2.0 * grid.directions, 0.03, grid, 0)
-    assert shares == pytest.approx(np.eye(grid.zones), abs=1e-12)
-    # Blur vanishes smoothly.
-    position = np.array([[0.012, 0.1, 1.0]])
-    sharp = zone_shares(position, 0.03, grid, 0)
-    assert zone_shares(position, 0.03, grid, 1e-6) == pytest.approx(sharp, abs=1e-6)
-
-
 def test_wander_is_slow_smooth_and_bounded() -> None:
     assert position_at(RESTING, np.arange(5.0)).tolist() == [[0.1, -0.2, 1.5]]  # at rest
     wander = Wander(across_m=0.12, along_m=0.02, period_s=13)

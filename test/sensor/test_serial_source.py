@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from queue import Queue
-from threading import Event, active_count
+from threading import active_count
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
-from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.serial_source import SerialSource, explain, in_background
 from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame
 
@@ -193,23 +192,6 @@ def test_what_is_raised_is_said_and_a_reason_to_try_again(
         wanted = said.replace('$', r'\$').format(link.group(), link)
         assert re.fullmatch(f'{wanted}.*; retrying', reading.report())
         assert reading.report() == f'reading {link}'
-
-
-def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
-    source = SerialSource(str(link), 115200, FrameReader())
-
-    def take(frames: list[Frame], arrival_ns: int) -> None:
-        raise ValueError('taken wrongly')
-
-    with PortLink(link) as port:
-
-        def report(line: str) -> None:
-            assert line == f'reading {link}'
-            assert port.write(PACKETS[0])
-
-        with pytest.raises(ValueError, match='taken wrongly'):
-            source.run(take, report, Event())
-    assert not source.is_open
 
 
 @pytest.mark.parametrize('sent', [b'', b''.join(PACKETS)])
