@@ -65,7 +65,6 @@ HALL = {'left': IDS, 'right': {2127}}
 ARM = load_scene('arm')
 ROBOTS = ('robot1', 'robot2')  # in one domain
 WANTED_M = 0.01
-MINUTE_S = 60.0
 
 
 def directory():
@@ -222,7 +221,7 @@ def check_arm(observer, node):
         spread = [deviation_m(one[-1]) for one in poses.values() if one]
         return len(spread) == len(truth) and max(spread) <= WANTED_M
 
-    observer.wait(are_known, 'objects that are known to a centimetre', MINUTE_S)
+    observer.wait(are_known, 'objects that are known to a centimetre')
     for name, came in poses.items():
         assert came[-1].header.frame_id == 'base_link'
         assert squared(came[-1], truth[name]) < MAX_MAHALANOBIS, name

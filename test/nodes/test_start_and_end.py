@@ -19,6 +19,7 @@ from retrolidar_ros.cli.demo import executable
 FILES = {
     'broken': '/**:\n  ros__parameters:\n    method: [joint',
     'alike': 'markers: {2073: {frame: a.b}, 2096: {frame: a_b}}\n',
+    'objects': 'markers: {2073: {object: a.b}, 2096: {object: a-b}}\n',
 }
 
 
@@ -77,12 +78,14 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
+        ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
         ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null: the file: needs keys'),
         ('coffee', '-p objects:=[a.b,a_b]', 'a.b and a_b would share the topic ~/objects/a_b'),
         ('coffee', '-p objects:=[a,a_to_b,b_to_c,c]', 'the topic ~/offsets/a_to_b_to_c'),
         ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
         ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p qos_overrides./markers.subscription.depth:=x', "to 'x' of type"),
+        ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
         ('reader', '-p ports:=[/a,/a]', 'ports: /a, /a are not all different'),
         ('reader', '-p frame_id:=/odom', "'/odom' begins with a slash, which tf2 refuses"),

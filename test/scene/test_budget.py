@@ -106,12 +106,6 @@ def test_beyond_the_largest_angle_there_is_noise_only() -> None:
     assert float(light_v(np.array(1.0), math.radians(54.9))) > 0
 
 
-@given(RANGES_M, RANGES_M, ANGLES_RAD)
-def test_light_falls_with_the_square_of_the_distance(first: float, second: float, a: float) -> None:
-    ratio = float(light_v(np.array(first), a) / light_v(np.array(second), a))
-    assert ratio == pytest.approx((second / first) ** 2)
-
-
 @given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))
 def test_range_and_voltage_agree(angle: float, noise_v: float, guard_v: float) -> None:
     range_m = wakeup_range_m(noise_v + guard_v, noise_v, angle)

@@ -92,11 +92,6 @@ def test_wander_is_slow_smooth_and_bounded() -> None:
     assert np.abs(away.mean(axis=0)) == pytest.approx(0, abs=2e-3)
     speed = np.abs(np.diff(away, axis=0)).max(axis=0) / 0.1
     assert (speed <= 1.0001 * amplitude * 2 * np.pi / 13).all()
-    # Unlike periods: x repeats after 13 s, y and z do not.
-    again = np.abs(away[130:] - away[:-130]).max(axis=0)
-    assert again[0] < 1e-9
-    assert (again[1:] > amplitude[1:]).all()
-    assert np.abs(np.corrcoef(away.T) - np.eye(3)).max() < 0.05
 
 
 SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')

@@ -142,9 +142,6 @@ def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:
     assert [stamps_stand(*step) for step in steps] == [True, True, False, False, False]
 
 
-EXACT = 1e-12
-
-
 quaternions = (
     hnp.arrays(np.float64, 4, elements=st.floats(-1, 1))
     .filter(lambda values: bool(np.linalg.norm(values) > 0.01))
@@ -164,7 +161,7 @@ def test_a_quarter_turn_is_right_handed(axis: int) -> None:
 @given(quaternions)
 def test_matrices_are_rotations_and_all_come_back_up_to_a_sign(quaternion: Floats) -> None:
     matrix = matrix_of(quaternion)
-    assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=EXACT)
+    assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(matrix) == pytest.approx(1)
     found = quaternion_of(matrix)
     assert found.shape == (4,)
