@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains that change, targets, memory and codebook of the core against plain numpy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics, bind_core, constant
@@ -11,9 +13,22 @@ from oracle import Sending, light
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 
 KNOTS = 7
+
+
+@pytest.mark.parametrize('grid', GRIDS.values(), ids=lambda grid: f'{grid.zones} zones')
+def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: ZoneGrid) -> None:
+    sent = recording_of(np.array([0]), np.ones((1, grid.zones)))
+    core.take(replace(sent, grid=grid), LAW, BIT_PERIOD_S)
+    view, memory = core.ffi.new('struct rl_view *'), core.ffi.new('struct rl_memory *')
+    core.lib.rl_view_start(view, core.samples, memory)
+    asked, memory.taken = memory.taken, 0
+    block = memory.block = core.ffi.new('char[]', asked)
+    core.lib.rl_view_start(view, core.samples, memory)
+    end = view.room[len(view.room) - 1].valid + KEPT
+    assert core.ffi.cast('char *', end) - block <= memory.taken == asked
 
 
 @pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
