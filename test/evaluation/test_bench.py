@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
+from evaluation.bench.judging import BOTH
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.room_markers import (
     FOREIGN,
@@ -21,7 +23,9 @@ from evaluation.bench.room_markers import (
 )
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
+from evaluation.bench.rooms import play
 from evaluation.bench.stresses import PLAIN
+from evaluation.experiments import time_to_id
 from evaluation.peers import camera
 from evaluation.peers.visual_markers import (
     APRILTAG,
@@ -39,6 +43,7 @@ from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.model import Status
 
 DURATION_S = 20.0
 PLACE_M = 1.0 * SENSOR.grid.directions[5]
@@ -68,6 +73,17 @@ def scored(room: Room, id_: int | None = None) -> Scored:
     simulation, recording = simulated(room)
     found = [replace(one, id=one.id if id_ is None else id_) for one in readings(recording)]
     return score(simulation, packets_of(simulation), found)
+
+
+def test_a_room_is_that_of_its_seed() -> None:
+    frames = []
+    for seed, number in ((7, 3), (7, 4), (8, 3)):
+        rng = np.random.default_rng([seed, number])
+        room = draw_room(rng)
+        frames.append(RoomSimulation(room, rng).run(5.0))
+    assert not any(np.array_equal(frames[0].signal, other.signal) for other in frames[1:])
+    one, again = (play(number=3, seed=7) for _ in range(2))
+    assert one.scored == again.scored
 
 
 def test_all_that_is_named_is_drawn() -> None:
@@ -178,6 +194,29 @@ READERS = {reader.name: reader for reader in find_readers()[0]}
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(3)
+
+
+@pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
+def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
+    duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
+    blocks = list(member.blocks(duration_s, np.random.default_rng(3)))
+    sequence = np.concatenate([block.sequence for block in blocks])
+    np.testing.assert_array_equal(sequence, np.arange(len(sequence)))
+    assert len(sequence) == round(duration_s / SENSOR.period_s)
+    for block in blocks:
+        none = block.status == Status.NO_TARGET
+        assert np.isfinite(block.signal).all()
+        assert (np.isnan(block.distance) == none).all()
+
+
+def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
+    sent = time_to_id.appearing(1.0, np.random.default_rng(3))
+    before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
+    assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
+    times_s, wrong = time_to_id.first_ids(sent, BOTH['joint'])
+    assert np.isfinite(times_s).all()
+    assert times_s.min() > 19 * BIT_PERIOD_S  # seven bits of the preamble and twelve of the ID
+    assert wrong <= 1  # a packet that comes into view half sent may look like another
 
 
 def test_photoelectrons_follow_light_and_time() -> None:
