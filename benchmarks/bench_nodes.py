@@ -28,7 +28,7 @@ from tf2_msgs.msg import TFMessage
 from evaluation.report.claims import write_figures
 from retrolidar_ros.cli.demo import NAMESPACE, executable, start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
-from retrolidar_ros.detector.place import place, zone_bearing
+from retrolidar_ros.detector.detection import place, zone_bearing
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.nodes.conversion import to_header, to_ns, to_pose, to_time, to_transform

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.core import ffi, lib
-from retrolidar_ros.detector.place import Bearing, Place, place
+from retrolidar_ros.core import lib
+from retrolidar_ros.detector.detection import Bearing, Place, place
 from retrolidar_ros.sensor.frame import Floats
 
 MAX_TRACKS = int(lib.RL_MAX_TRACKS)
@@ -39,34 +39,8 @@ class TrackCounts(NamedTuple):
     dropped: int  # tracks that were dropped because there were more than `MAX_TRACKS`
 
 
-class Tracker:
-    """Follows the markers that a core reads; call `follow` after every frame."""
-
-    def __init__(self, core: Any) -> None:
-        """Follow what a core reads."""
-        self._core = core
-        tracks = lib.rl_tracks_create(core)
-        if tracks == ffi.NULL:
-            raise MemoryError('no memory for tracks')
-        self._tracks = ffi.gc(tracks, lib.rl_tracks_destroy)
-
-    @property
-    def counts(self) -> TrackCounts:
-        """Tracks so far."""
-        counts = lib.rl_tracks_counts(self._tracks)
-        return TrackCounts(counts.started, counts.ended, counts.dropped)
-
-    def follow(self, stamp_ns: int) -> list[Track]:
-        """Follow all markers to the frame that the core has taken last; return them."""
-        count = lib.rl_tracks_follow(self._tracks)
-        origin_ns = lib.rl_detector_held(self._core).origin_ns if count else 0
-        return [
-            _track(lib.rl_tracks_track(self._tracks, index), stamp_ns, origin_ns)
-            for index in range(count)
-        ]
-
-
-def _track(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
+def track_of(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
+    """Return a track of the core, whose times are since an origin."""
     bearing = Bearing(np.array([*seen.tangent]), np.array([*seen.tangent_variance]))
     where = place(bearing, seen.range_m, math.sqrt(seen.range_variance))
     direction = where.position_m / seen.range_m

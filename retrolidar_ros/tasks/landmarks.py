@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
 from retrolidar_ros.tasks.reading import Errors, Reading

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark

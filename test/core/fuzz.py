@@ -19,7 +19,7 @@ from harness_core import KEPT, declarations
 from numpy.typing import NDArray
 
 from retrolidar_ros.core import ffi as core_ffi
-from retrolidar_ros.detector.placement import core_sensor
+from retrolidar_ros.detector.likelihood_detector import core_sensor
 from retrolidar_ros.marker.code import IDS, PACKET_BITS, packet
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.place import Place
+from retrolidar_ros.detector.detection import Place
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation

@@ -23,7 +23,7 @@ from harness_readings import (
     squared,
 )
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.settings.section import ConfigError

@@ -37,7 +37,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
+from retrolidar_ros.detector.detection import (
+    Detection,
+    DetectorCounts,
+    check_grid,
+    place,
+    zone_bearing,
+)
 from retrolidar_ros.detector.paper.samples import LastSamples
 from retrolidar_ros.detector.paper.stages import (
     PACKET_SAMPLES,
@@ -48,7 +54,6 @@ from retrolidar_ros.detector.paper.stages import (
     silent_level,
     threshold_bits,
 )
-from retrolidar_ros.detector.place import place, zone_bearing
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX
