@@ -19,8 +19,7 @@ from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Errors, Prior, Reading, SensorPose, State
 
 _SURVEY_M = 0.002  # deviation of what is known of the places of markers on walls
 CALIBRATED_M = 0.0005  # deviation of a sensor's range bias after a calibration

@@ -25,8 +25,7 @@ from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Prior
+from retrolidar_ros.tasks.reading import Errors, Prior, Reading
 from retrolidar_ros.tasks.survey import Backlog, Batch, Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 

@@ -14,8 +14,7 @@ import numpy as np
 from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
-from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Fit, Prior
+from retrolidar_ros.tasks.reading import Errors, Fit, Prior, Reading
 
 _GATE = 4.5  # gating: a reading with a residual beyond so many standard deviations is an outlier
 # A landmark is initialised when so many more readings agree than do not, and it has moved when so

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn, turn_of
-from retrolidar_ros.tasks.reading import Errors, Reading, axes_of
-from retrolidar_ros.tasks.state import Fit, Prior, State
+from retrolidar_ros.tasks.reading import Errors, Fit, Prior, Reading, State, axes_of
 
 _MAX_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]

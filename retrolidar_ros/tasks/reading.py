@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A reading of a marker with the pose of its sensor, and the errors that readings share."""
+"""Readings of markers, the errors that they share, and what is made of them: pose and motion."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -85,3 +85,30 @@ class Errors:
     turn_rad: float = 0.0035  # of the sensor's orientation, about each axis
     acceleration: float = 0.0  # of a moving marker, along each axis [m/s²]; 0: it is at rest
     speed: float = 0.5  # of a moving marker, along each axis [m/s]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Pose and motion of an object in the fixed frame."""
+
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of the object into those of the fixed frame, shape (3, 3)
+    velocity: Floats  # shape (3,) [m/s]
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """A pose that is known before any reading."""
+
+    state: State
+    covariance: Floats  # of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An estimate, and how well each reading agrees with it."""
+
+    state: State
+    covariance: Floats  # of position, rotation about the fixed axes and velocity, shape (9, 9)
+    stamp_s: float  # when it holds
+    scores: Floats  # residuals in deviations, of range and of directions beyond their box, (n, 3)

@@ -15,7 +15,7 @@ from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 from retrolidar_ros.settings.section import ConfigError, keyed, text
 from retrolidar_ros.settings.yaml_files import load_parsed, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Prior, State
 
 _BACKUP = '.bak'
 _MAX_NAMED = 5

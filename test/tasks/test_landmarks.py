@@ -31,8 +31,7 @@ from retrolidar_ros.tasks import survey as survey_module
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, SensorPose, reading
-from retrolidar_ros.tasks.state import Prior
+from retrolidar_ros.tasks.reading import Errors, Prior, SensorPose, reading
 from retrolidar_ros.tasks.survey import Backlog, Survey
 from retrolidar_ros.tasks.survey_files import parse_survey
 
