@@ -277,9 +277,9 @@ def test_the_longest_packet_is_read_and_kept_once_and_one_byte_more_is_not() -> 
     reader = FrameReader()
     for length in range(1, MAX_PACKET_BYTES + 1):
         reader.feed(b'x')
-        assert length < len(pickle.dumps(reader._packets)) < length + 1000
+        assert length < len(pickle.dumps(reader._pieces)) < length + 1000
     reader.feed(b'x')
-    assert len(pickle.dumps(reader._packets)) < 1000
+    assert len(pickle.dumps(reader._pieces)) < 1000
 
 
 RANGING = Identity('1.2.3', '000102030405060708090a0b', True)
