@@ -103,7 +103,7 @@ SCENES = tuple(_STRESSES)
 def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
     """Return how often the track of a marker ends though the marker stays."""
     sent = _sent(rng.uniform(1.0, 2.0), duration_s, rng, **_STRESSES[scene])
-    return play(sent.recording)[0].track_counts.ended
+    return play(sent.recording)[0].counts.tracks_ended
 
 
 SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}
@@ -148,7 +148,7 @@ def two_in_a_zone(
     return {
         'errors_m': errors_m,
         'both': [len(one) == len(truths_m) for one in known[sending:]],
-        'ends': detector.track_counts.ended,
+        'ends': detector.counts.tracks_ended,
         'hours': len(known[first:]) * SENSOR.period_s / 3600,
     }
 

@@ -7,12 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.detection import Detection
+from retrolidar_ros.detector.detection import Detection, Track
 from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.parameters import DetectorSettings
-from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 _KEPT = 2048  # newest frames that are explained

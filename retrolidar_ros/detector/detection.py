@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The results of a detector: markers with their poses, and counts."""
+"""The results of a detector: detections and tracks of markers, with their poses, and counts."""
 
 import math
 from collections import Counter
@@ -11,6 +11,8 @@ import numpy as np
 
 from retrolidar_ros.core import ffi, lib
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+
+MAX_TRACKS = int(lib.RL_MAX_TRACKS)
 
 
 class Bearing(NamedTuple):
@@ -83,15 +85,31 @@ class Detection:
     zones: tuple[int, ...]  # indices of the zones used, strongest first
 
 
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One marker that is followed, at one frame; the fields mirror `MarkerTrack.msg`."""
+
+    id: int
+    stamp_ns: int  # of the frame [ns]
+    place: Place
+    velocity: Floats  # in the optical frame, shape (3,) [m/s]; measured along the range only
+    velocity_covariance: Floats  # shape (3, 3) [m²/s²]
+    presence: float  # log odds that the marker is still there, and still this one [nats]
+    first_ns: int  # when its first packet began [ns]
+    last_ns: int  # time of the newest frame in which its light was seen [ns]
+
+
 @dataclass
 class DetectorCounts:
-    """Candidates by outcome so far."""
+    """Candidates by outcome so far, and tracks."""
 
     candidates: int = 0  # packets found, one for every zone that saw one
     accepted: int = 0
     rejected: Counter[str] = field(default_factory=Counter)  # by reason
     impossible: int = 0  # samples with a valid status but an impossible signal or distance
     overloads: int = 0  # frames with too many candidates, of which the least likely were dropped
+    tracks_ended: int = 0
+    tracks_dropped: int = 0  # because there were more than `MAX_TRACKS`
 
 
 class Detector(Protocol):
@@ -99,7 +117,7 @@ class Detector(Protocol):
 
     @property
     def counts(self) -> DetectorCounts:
-        """Candidates by outcome so far."""
+        """What was counted so far."""
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""

@@ -13,8 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
-from retrolidar_ros.detector.detection import Bearing, Detection, DetectorCounts, check_grid, place
-from retrolidar_ros.detector.tracks import Track, TrackCounts, track_of
+from retrolidar_ros.detector.detection import (
+    Bearing,
+    Detection,
+    DetectorCounts,
+    Track,
+    check_grid,
+    place,
+)
 from retrolidar_ros.marker.code import PACKET_BITS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -24,6 +30,8 @@ _MIN_HELD = 1100  # frames: eight packets at two frames a bit, or one at more th
 _SETTLED_PACKETS = 1.5  # by then, any packet that explains a candidate has been read
 _SLACK = 0.1  # of a packet
 _READ = 256  # newest readings that candidates are compared with
+_ACROSS_M_S = 0.5  # deviation of a velocity across the line of sight, which is not measured
+_ACROSS = _ACROSS_M_S**2 * np.eye(3)
 
 
 class Reason(str, Enum):
@@ -144,30 +152,25 @@ class LikelihoodDetector:
         count = lib.rl_tracks_follow(self._tracks)
         origin_ns = lib.rl_detector_held(self._core).origin_ns if count else 0
         tracks = (lib.rl_tracks_track(self._tracks, index) for index in range(count))
-        return [track_of(one, frame.stamp_ns, origin_ns) for one in tracks]
-
-    @property
-    def track_counts(self) -> TrackCounts:
-        """Tracks so far."""
-        if self._tracks is None:
-            return TrackCounts(0, 0, 0)
-        counts = lib.rl_tracks_counts(self._tracks)
-        return TrackCounts(counts.started, counts.ended, counts.dropped)
+        return [_track(one, frame.stamp_ns, origin_ns) for one in tracks]
 
     @property
     def counts(self) -> DetectorCounts:
-        """Candidates by outcome so far; one that lost to a packet that was read is none."""
+        """What was counted so far; a candidate that lost to a packet that was read is none."""
         counts = lib.rl_detector_counts(self._core)
         accepted = counts.accepted - self._unplaced
         rejected = self._rejections.counts.copy()
         if self._unplaced:
             rejected[Reason.DISTANCE.value] = self._unplaced
+        tracks = lib.rl_tracks_counts(self._tracks) if self._tracks is not None else None
         return DetectorCounts(
             candidates=accepted + sum(rejected.values()),
             accepted=accepted,
             rejected=rejected,
             impossible=counts.impossible,
             overloads=counts.overloads,
+            tracks_ended=tracks.ended if tracks else 0,
+            tracks_dropped=tracks.dropped if tracks else 0,
         )
 
     def update(self, frame: Frame) -> list[Detection]:
@@ -249,6 +252,24 @@ class LikelihoodDetector:
             packets=reading.packets,
             zones=zones,
         )
+
+
+def _track(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
+    """Return a track of the core, whose times are since an origin."""
+    bearing = Bearing(np.array([*seen.tangent]), np.array([*seen.tangent_variance]))
+    where = place(bearing, seen.range_m, math.sqrt(seen.range_variance))
+    direction = where.position_m / seen.range_m
+    along = direction[:, None] * direction
+    return Track(
+        id=seen.id,
+        stamp_ns=stamp_ns,
+        place=where,
+        velocity=seen.range_rate * direction,
+        velocity_covariance=(seen.range_rate_variance - _ACROSS_M_S**2) * along + _ACROSS,
+        presence=seen.log_odds,
+        first_ns=origin_ns + round(seen.first_s * 1e9),
+        last_ns=seen.last_ns,
+    )
 
 
 def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
