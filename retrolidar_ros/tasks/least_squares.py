@@ -106,15 +106,13 @@ class Problem:
 
     def scores(self, fit: Fit) -> Floats:
         """Return the scores of readings that the estimate does not include, shape (n, 3)."""
-        jacobian, residual = self._linearised(fit.state)
-        range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
+        jacobian, residual, range_m2, edge_rad2 = self._linearised(fit.state, fit.covariance)
         known = _variance_of(jacobian, fit.covariance)
         return self._scores(residual, np.diag(range_m2) + known[:, 0], edge_rad2 + known[:, 1:])
 
     def covariance_with(self, fit: Fit, known: int) -> Floats:
         """Return the state's covariance (9, 9) with the ranges of readings after `known`."""
-        jacobian, residual = self._linearised(fit.state)
-        range_m2, edge_rad2 = self._variances(fit.state, fit.covariance)
+        jacobian, residual, range_m2, edge_rad2 = self._linearised(fit.state, fit.covariance)
         weights = self._bearing_weights(residual[:, 1:], edge_rad2)
         weights[known:] = 0
         information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(range_m2))
@@ -124,8 +122,7 @@ class Problem:
         """Take Gauss-Newton steps from a state, whose covariance may be known."""
         spread: Floats = np.zeros((9, 9)) if covariance is None else covariance
         for _ in range(steps):
-            jacobian, residual = self._linearised(state)
-            range_m2, edge_rad2 = self._variances(state, spread)
+            jacobian, residual, range_m2, edge_rad2 = self._linearised(state, spread)
             information, slope = self._equations(state, jacobian, residual, np.linalg.inv(range_m2))
             bearing, per_state = residual[:, 1:], jacobian[:, 1:]
             weights = self._bearing_weights(bearing, edge_rad2)
@@ -143,7 +140,7 @@ class Problem:
             change = np.abs(spread - before)[:3, :3].max()
             if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
                 break
-        jacobian, residual = self._linearised(state)
+        jacobian, residual, *_ = self._linearised(state, spread)
         usual = np.diag(range_m2)
         own = np.maximum(usual - _variance_of(jacobian[:, 0], spread), 0.2 * usual)
         scores = self._scores(residual, own, edge_rad2)
@@ -187,33 +184,26 @@ class Problem:
             slope[:6] += known @ off
         return information, slope
 
-    def _sight(self, state: State) -> Floats:
-        begin_m = self._sensor_m + np.outer(self._before_s, state.velocity)
-        sight: Floats = state.position_m + self._places @ state.rotation.T - begin_m
-        return sight
+    def _linearised(self, state: State, spread: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return derivatives and residuals at a state with a covariance, and variances of these.
 
-    def _linearised(self, state: State) -> tuple[Floats, Floats]:
-        """Return derivatives, shape (n, 3, 9), and residuals, shape (n, 3)."""
-        sight = self._sight(state)
+        Shapes are (n, 3, 9) and (n, 3). Of ranges, the third is the covariance (n, n), and of the
+        edges of boxes, the last is the variance (n, 1).
+        """
+        errors, places = self.errors, self._places @ state.rotation.T
+        begin_m = self._sensor_m + np.outer(self._before_s, state.velocity)
+        sight = state.position_m + places - begin_m
         range_m = np.maximum(np.linalg.norm(sight, axis=1), 1e-3)
         unit = sight / range_m[:, None]
-        axes = self._axes
-        aside = (axes @ unit[..., None])[..., 0]
+        aside = (self._axes @ unit[..., None])[..., 0]
         residual = np.column_stack([self._range_m - range_m, -aside])
         per_place = np.empty((len(range_m), 3, 3))
         per_place[:, 0] = unit
-        per_place[:, 1:] = (axes - aside[..., None] * unit[:, None]) / range_m[:, None, None]
+        per_place[:, 1:] = (self._axes - aside[..., None] * unit[:, None]) / range_m[:, None, None]
         jacobian = np.empty((len(range_m), 3, 9))
         jacobian[..., :3] = per_place
-        jacobian[..., 3:6] = -per_place @ cross_matrix(self._places @ state.rotation.T)
+        jacobian[..., 3:6] = -per_place @ cross_matrix(places)
         jacobian[..., 6:] = -per_place * self._before_s[:, None, None]
-        return jacobian, residual
-
-    def _variances(self, state: State, spread: Floats) -> tuple[Floats, Floats]:
-        """Return the covariance of ranges (n, n), and the variance of boxes' edges (n, 1)."""
-        errors, sight = self.errors, self._sight(state)
-        range_m = np.linalg.norm(sight, axis=1)
-        unit = sight / range_m[:, None]
         range_m2: Floats = (errors.pose_m**2 * self._one_pose + self._moved_m2) * (unit @ unit.T)
         range_m2 += errors.range_bias_m**2 * self._one_sensor + self._own_m2
         if self._place_variance.any():
@@ -224,7 +214,7 @@ class Problem:
         range_m2 += np.outer(bend, bend)
         across_m2 = errors.pose_m**2 + np.diag(self._moved_m2)
         edge_rad2 = errors.edge_rad**2 + errors.turn_rad**2 + across_m2 / range_m**2
-        return range_m2, edge_rad2[:, None]
+        return jacobian, residual, range_m2, edge_rad2[:, None]
 
 
 def _curvature(place_m2: Floats, unit: Floats, range_m: Floats) -> Floats:
