@@ -22,7 +22,7 @@ from retrolidar_ros.cli.watch_view import (
     line,
     screen,
 )
-from retrolidar_ros.detector.blinking_zones import NewestBits, Samples, modulation_db, newest_bits
+from retrolidar_ros.detector.blinking_zones import NewestBits, modulation_db, newest_bits
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
@@ -47,8 +47,8 @@ def frame(grid: ZoneGrid, sequence: int = 0) -> Frame:
     return one
 
 
-def seen(scene: Scene, frames: int) -> Samples:
-    return Samples.of(Recording.of(list(Simulation(scene).advance(frames))[-68:]))
+def seen(scene: Scene, frames: int) -> Recording:
+    return Recording.of(list(Simulation(scene).advance(frames))[-68:])
 
 
 def open_watch(bit_period_s: float = BIT_PERIOD_S, zone: int | None = None) -> Watch:
@@ -85,13 +85,11 @@ def test_the_newest_bits_are_the_packet_from_some_bit_on(frames: int) -> None:
 
 def test_lost_bits_are_unknown() -> None:
     frames = list(Simulation(SCENE).advance(140))[-72:]
-    samples = Samples.of(Recording.of(frames[:30] + frames[36:]))
-    bits = newest_bits(samples, ZONE, BIT_PERIOD_S)
+    bits = newest_bits(Recording.of(frames[:30] + frames[36:]), ZONE, BIT_PERIOD_S)
     assert bits is not None
     assert 2 <= np.count_nonzero(bits.erased) <= 4
     dark = [replace(frame(ZoneGrid(), n), signal=np.zeros(16, np.float32)) for n in range(72)]
-    samples = Samples.of(Recording.of(dark))
-    assert newest_bits(samples, 3, BIT_PERIOD_S) is None
+    assert newest_bits(Recording.of(dark), 3, BIT_PERIOD_S) is None
 
 
 def test_blinking_is_the_marker_s_and_noise_is_none() -> None:
