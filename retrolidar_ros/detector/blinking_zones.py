@@ -7,8 +7,6 @@ sample to the next have a line in their spectrum at one over the bit period (Oer
 1988), whatever is sent. Of bits shorter than two frames it is an alias (`trials`).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

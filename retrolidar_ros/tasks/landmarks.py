@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Landmarks: objects that carry markers, placed by all readings that belong to them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence
