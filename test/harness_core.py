@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from oracle import Sending, Zone, log_likelihood
 
 from retrolidar_ros.core import ffi as core_ffi
-from retrolidar_ros.detector.placement import core_sensor
+from retrolidar_ros.detector.likelihood_detector import core_sensor
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid

@@ -5,8 +5,10 @@
 import os
 import signal
 import unittest
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
@@ -85,6 +87,13 @@ def check_exit_codes(proc_info: Any, *allowed: int) -> None:
         is_command = info.process_name.rpartition('-')[0] in _COMMANDS
         codes = [0, *allowed, *([_INTERRUPTED] if is_command else [])]
         assert info.returncode in codes, (info.process_name, info.returncode)
+
+
+def processes() -> Iterator[tuple[int, str]]:
+    """Yield all processes there are, by their numbers and command lines."""
+    for file in Path('/proc').glob('[0-9]*/cmdline'):
+        with suppress(OSError):
+            yield int(file.parent.name), file.read_text()
 
 
 def launched(*actions: Any) -> Any:

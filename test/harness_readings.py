@@ -10,8 +10,7 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose, reading
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Errors, Prior, Reading, SensorPose, State, reading
 
 GRID = ZoneGrid()
 NOISE_M = 0.001

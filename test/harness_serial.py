@@ -10,7 +10,8 @@ from threading import Event, Thread
 import serial
 
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import Reader, SerialSource
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.wire import Reader
 
 
 class Reading:

@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker as Shape
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector.place import place, zone_bearing
+from retrolidar_ros.detector.detection import place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import (
     covariance_of,

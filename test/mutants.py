@@ -42,7 +42,7 @@ FOLDERS: dict[str, tuple[str, ...]] = {
     'parts': ('core/src', DECISION_TESTS, *CORE_TESTS),
     'detector': (
         'retrolidar_ros/detector',
-        'test/detector/test_{detector,decoding,explain,paper_method,place}.py',
+        'test/detector/test_{detector,decoding,explain,place}.py',
         'test/cli/test_{calibrate,watch_state}.py',
         'test/detector/test_{tracks,core_parts,invariance,pinned_reading}.py',
     ),

@@ -67,7 +67,7 @@ def two_in_a_zone(
     return {
         'errors_m': errors_m,
         'both': [len(one) == len(truths_m) for one in known[sending:]],
-        'ends': detector.track_counts.ended,
+        'ends': detector.counts.tracks_ended,
         'hours': len(known[first:]) * SENSOR.period_s / 3600,
     }
 

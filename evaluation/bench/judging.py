@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import Sent
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
+from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.sensor.frame import Frame, Recording
 
 Options = Mapping[str, Any]  # of `create_detector`; 'method' among them

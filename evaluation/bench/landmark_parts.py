@@ -28,11 +28,10 @@ from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, matrix_of_turn
-from retrolidar_ros.tasks import landmarks, least_squares, localization, next_view, reading
+from retrolidar_ros.tasks import landmarks, least_squares, localization, next_view
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Errors, Prior, Reading, SensorPose, State
 from retrolidar_ros.tasks.survey import Survey
 
 _SIDE_M, _POSE_M, _WRONG_IDS = 0.4, 0.002, 0.05
@@ -162,7 +161,7 @@ def _white(before_s: Floats) -> Floats:
     """Return displacements as of an acceleration that is white, of the same spectral density."""
     apart_s = np.abs(before_s)
     least, most = np.minimum.outer(apart_s, apart_s), np.maximum.outer(apart_s, apart_s)
-    white = reading._LASTING_S * least**2 * (most - least / 3)
+    white = least_squares._LASTING_S * least**2 * (most - least / 3)
     return np.where(np.outer(before_s, before_s) > 0, white, 0.0)
 
 
@@ -180,14 +179,14 @@ PARTS: Mapping[str, list[tuple[object, str, object]]] = {
     'restart after a move': [(Landmark, '_relocate', lambda *_: None)],
     'initialisation by two readings': [(landmarks, '_AGREEING', 0)],
     'vague ranges left out': [(landmarks, '_VAGUE_M', math.inf)],
-    'errors shared by a place': [(reading, '_SHARED', 0.0)],
+    'errors shared by a place': [(least_squares, '_SHARED', 0.0)],
     'like directions once': [(least_squares, '_redundancy', _each_alone)],
     'curvature of ranges': [(least_squares, '_curvature', _flat)],
     '24 initial guesses': [(least_squares, 'QUARTER_TURNS', QUARTER_TURNS[:1])],
     'guesses until the rotation is known': [(landmarks, '_ROTATION_UNKNOWN', math.inf)],
     'no pose while unclear': [(localization, '_CLEAR_M', math.inf), (localization, '_CLEAR', 99)],
-    'acceleration that lasts': [(reading, '_wandered', _white)],
-    'time of all sensors': [(reading, '_SILENT_S', 1e-9)],
+    'acceleration that lasts': [(least_squares, '_wandered', _white)],
+    'time of all sensors': [(least_squares, '_SILENT_S', 1e-9)],
 }
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from evaluation.bench.judging import watch
 from evaluation.bench.rates import Rate, rate
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.detector.place import Place
+from retrolidar_ros.detector.detection import Place
 from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface

@@ -13,7 +13,7 @@ from evaluation.bench.rates import Rate, rate
 from evaluation.report.chart_style import draw_shares, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, shares
 from retrolidar_ros.detector import METHODS, create_detector
-from retrolidar_ros.detector.place import Place
+from retrolidar_ros.detector.detection import Place
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Occlusion, Wander
 from retrolidar_ros.scene.files import load_scene

@@ -97,7 +97,7 @@ SCENES = tuple(_STRESSES)
 def false_ends(scene: str, duration_s: float, rng: np.random.Generator) -> int:
     """Return how often the track of a marker ends though the marker stays."""
     sent = _sent(rng.uniform(1.0, 2.0), duration_s, rng, **_STRESSES[scene])
-    return play(sent.recording)[0].track_counts.ended
+    return play(sent.recording)[0].counts.tracks_ended
 
 
 def measure(gone_bits: float, seed: int, trials: int, duration_s: float) -> dict[str, Any]:

@@ -21,7 +21,7 @@ _METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
 
 
 class Parser(argparse.ArgumentParser):
-    """Prints an error in one line, and the help of the option."""
+    """Prints an error in one line, and where the help is."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse arguments; one that is unknown is an error of the subcommand."""
@@ -34,17 +34,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print an error and exit with code 2."""
-        lines = [f'{self.prog}: {printable(message)}']
-        about = message.partition(':')[0].removeprefix('argument ')
-        for action in self._actions:
-            if about in ('/'.join(action.option_strings), action.metavar, action.dest):
-                formatter = self._get_formatter()
-                formatter.add_argument(action)
-                lines.append(formatter.format_help().rstrip())
-                break
-        else:
-            lines.append(f'See {self.prog} --help')
-        self.exit(2, '\n'.join(lines) + '\n')
+        self.exit(2, f'{self.prog}: {printable(message)}\nSee {self.prog} --help\n')
 
 
 def measured(kind: str, minimum: float, maximum: float) -> Callable[[str], float]:

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from retrolidar_ros.bag import salvage_frames
-from retrolidar_ros.cli.arguments import add_bag, output_path
+from retrolidar_ros.cli.arguments import add_bag, measured, output_path
 from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.settings.section import quantity
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, calibrate
 from retrolidar_ros.tasks.calibration.report import missing, parameter_file, sentences
 
@@ -26,7 +25,11 @@ DESCRIPTION = (
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_bag(command)
-    command.add_argument('--distance', help="from sensor to clearest marker, as in '1.2 m'")
+    command.add_argument(
+        '--distance',
+        type=measured('length', 0.05, 10),
+        help="from sensor to clearest marker, as in '1.2 m'",
+    )
     command.add_argument(
         *('-o', '--output'),
         type=output_path,
@@ -38,11 +41,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate from a bag, as far as it can be read."""
-    distance_m = None
-    if arguments.distance is not None:
-        distance_m = quantity('length', 0.05, 10, bare=True)(arguments.distance, '--distance')
     frames, damage = salvage_frames(arguments.bag, arguments.topic)
-    found = calibrate(Recording.of(frames), distance_m=distance_m)
+    found = calibrate(Recording.of(frames), distance_m=arguments.distance)
     source, output = arguments.bag.name, arguments.output
     if output.is_file():
         raise ValueError(f'{output} is a file; name a directory with -o')

@@ -14,7 +14,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from retrolidar_ros.cli.demo import COMMON, executable, running_nodes, start_emulator
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.nodes.listener import Listener

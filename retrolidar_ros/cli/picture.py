@@ -11,7 +11,7 @@ import numpy as np
 
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.blinking_zones import BlinkingZone
-from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PREAMBLE, packet
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.optics import position_at

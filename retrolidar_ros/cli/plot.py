@@ -10,7 +10,7 @@ from retrolidar_ros.cli.decode import NOTHING_READ, print_hints
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.decoding import Decoding
-from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.sensor.frame import Recording
 
 HELP = 'draw what was read in a bag'

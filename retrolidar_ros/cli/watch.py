@@ -25,7 +25,7 @@ from retrolidar_ros.cli.arguments import (
 from retrolidar_ros.cli.watch_view import LastReading, Snapshot, fitted, line, screen
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.blinking_zones import BLINKING_DB, Samples, modulation_db, newest_bits
+from retrolidar_ros.detector.blinking_zones import BLINKING_DB, modulation_db, newest_bits
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import DetectorSettings
@@ -156,9 +156,9 @@ class Watch:
         recent = [frame for frame in self._monitor.newest if frame.stamp_ns > since_ns]
         if len(recent) < 2:
             return {}
-        samples = Samples.of(Recording.of(recent))
+        recording = Recording.of(recent)
         law = self._settings.noise.lit(np.median(newest.ambient))
-        blinking = modulation_db(samples, law)
+        blinking = modulation_db(recording, law)
         zone = self._shown_zone
         if self._fixed_zone is None:
             strongest = int(blinking.argmax())
@@ -175,7 +175,7 @@ class Watch:
             'frame': newest,
             'modulation_db': blinking,
             'zone': zone,
-            'bits': None if zone is None else newest_bits(samples, zone, self._bit_s),
+            'bits': None if zone is None else newest_bits(recording, zone, self._bit_s),
             'readings': readings,
             'rejected': self._detector.counts.rejected,
         }

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.detector.detection import Detection, Track
 from retrolidar_ros.marker.code import PACKET_BITS
 
 _MAX_GAP_PACKETS = 12  # a faint marker is read once in eight, and some may be hidden

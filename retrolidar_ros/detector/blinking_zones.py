@@ -7,8 +7,6 @@ sample to the next have a line in their spectrum at one over the bit period (Oer
 1988), whatever is sent. Of bits shorter than two frames it is an alias (`trials`).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -31,39 +29,23 @@ _CLOCKS = 1 + 0.007 * np.arange(-4, 5)
 _MIN_VALID = 0.5  # minimum number of valid samples of a bit, of two; with fewer it is erased
 
 
-class Samples(NamedTuple):
-    """The newest samples of all zones, oldest first."""
-
-    begin_s: Floats  # begin of each exposure since the first [s], shape (samples,)
-    end_s: Floats  # end of each exposure [s], shape (samples,)
-    signal: Floats  # [kcps/SPAD]; 0 of an erasure; shape (samples, zones)
-    valid: NDArray[np.bool_]  # which are valid, shape (samples, zones)
-
-    @classmethod
-    def of(cls, recording: Recording) -> Samples:
-        """Return the samples of two frames or more; an exposure lasts a frame period."""
-        time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
-        half_s = float(np.median(np.diff(time_s))) / 2
-        valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
-        signal = np.where(valid, recording.signal, 0.0)
-        return cls(begin_s=time_s - half_s, end_s=time_s + half_s, signal=signal, valid=valid)
-
-    @property
-    def mean(self) -> Floats:
-        """Mean of the valid ones [kcps/SPAD], shape (zones,)."""
-        mean: Floats = self.signal.sum(axis=0) / np.maximum(self.valid.sum(axis=0), 1)
-        return mean
+def valid_signal(recording: Recording) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """Return signals, 0 of an erasure, which are valid, and the mean of these by zone."""
+    valid, _ = valid_samples(recording.signal, recording.distance, recording.status)
+    signal = np.where(valid, recording.signal, 0.0)
+    return signal, valid, signal.sum(axis=0) / np.maximum(valid.sum(axis=0), 1)
 
 
-def modulation_db(samples: Samples, law: NoiseLaw) -> Floats:
+def modulation_db(recording: Recording, law: NoiseLaw) -> Floats:
     """Return the variation of zones beyond noise as an SNR [dB], shape (zones,); -inf for none.
 
     It is that of a marker that would cause it: half of its bits are dark, so an amplitude of c
     makes a variance of c²/4. A passing hand makes one, too.
     """
-    noise = law.variance(samples.mean)
-    deviation = (samples.signal - samples.mean) * samples.valid
-    variance = (deviation**2).sum(axis=0) / np.maximum(samples.valid.sum(axis=0), 1)
+    signal, valid, mean = valid_signal(recording)
+    noise = law.variance(mean)
+    deviation = (signal - mean) * valid
+    variance = (deviation**2).sum(axis=0) / np.maximum(valid.sum(axis=0), 1)
     with np.errstate(divide='ignore'):
         decibels: Floats = 10 * np.log10(4 * np.maximum(variance - noise, 0.0) / noise)
     return decibels
@@ -92,8 +74,8 @@ class BlinkingZone(NamedTuple):
 
 def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
     """Return the zones that vary more than noise in two or more frames, strongest first."""
-    samples = Samples.of(recording)
-    blinking, mean = modulation_db(samples, law), samples.mean
+    blinking = modulation_db(recording, law)
+    signal, valid, mean = valid_signal(recording)
     swing = 10 ** (blinking / 20) * np.sqrt(law.variance(mean))
     order = np.argsort(-blinking)
     return [
@@ -101,7 +83,7 @@ def blinking_zones(recording: Recording, law: NoiseLaw) -> list[BlinkingZone]:
             zone,
             float(blinking[zone]),
             float(swing[zone] / (mean[zone] + swing[zone] / 2)),
-            bit_periods(recording.stamp_ns, samples.signal[:, zone], samples.valid[:, zone]),
+            bit_periods(recording.stamp_ns, signal[:, zone], valid[:, zone]),
         )
         for zone in order[blinking[order] >= BLINKING_DB].tolist()
     ]
@@ -169,19 +151,25 @@ class NewestBits(NamedTuple):
         return self.signal < (self.bright + self.dark) / 2
 
 
-def newest_bits(samples: Samples, zone: int, bit_period_s: float) -> NewestBits | None:
-    """Return a zone's last bits, cut where they vary most; None if too few, or all alike."""
+def newest_bits(recording: Recording, zone: int, bit_period_s: float) -> NewestBits | None:
+    """Return a zone's last bits, cut where they vary most; None if too few, or all alike.
+
+    It takes two frames or more; an exposure lasts a frame period.
+    """
+    seen, valid, _ = valid_signal(recording)
+    time_s = (recording.stamp_ns - recording.stamp_ns[0]) * 1e-9
+    period_s = float(np.median(np.diff(time_s)))
+    begin_s, end_s = time_s - period_s / 2, time_s + period_s / 2
     bit_s, phase = (grid.ravel() for grid in np.meshgrid(bit_period_s * _CLOCKS, _PHASES))
     # Shape (alignments, bits + 1).
-    edge_s = samples.end_s[-1] - bit_s[:, None] * (phase[:, None] + np.arange(PACKET_BITS, -1, -1))
+    edge_s = end_s[-1] - bit_s[:, None] * (phase[:, None] + np.arange(PACKET_BITS, -1, -1))
     # Share of each exposure in each bit, shape (alignments, bits, samples).
-    begin = np.maximum(samples.begin_s, edge_s[:, :-1, None])
-    end = np.minimum(samples.end_s, edge_s[:, 1:, None])
-    period_s = samples.end_s[0] - samples.begin_s[0]
-    share = np.maximum(end - begin, 0.0) / period_s * samples.valid[:, zone]
+    begin = np.maximum(begin_s, edge_s[:, :-1, None])
+    end = np.minimum(end_s, edge_s[:, 1:, None])
+    share = np.maximum(end - begin, 0.0) / period_s * valid[:, zone]
     count = share.sum(axis=-1)
     means = np.full(count.shape, np.nan)
-    np.divide(share @ samples.signal[:, zone], count, out=means, where=count > _MIN_VALID)
+    np.divide(share @ seen[:, zone], count, out=means, where=count > _MIN_VALID)
     known = ~np.isnan(means)
     number = np.maximum(known.sum(axis=-1), 1)
     change = means - (np.nansum(means, axis=-1) / number)[:, None]

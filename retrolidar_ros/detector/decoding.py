@@ -7,13 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.detection import Detection, Detector
+from retrolidar_ros.detector.detection import Detection, Track
 from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.parameters import DetectorSettings
-from retrolidar_ros.detector.tracks import Track
-from retrolidar_ros.sensor.frame import Frame, Recording
+from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 _KEPT = 2048  # newest frames that are explained
 
@@ -24,8 +23,13 @@ class Decoding:
     def __init__(self, values: Mapping[str, Any]) -> None:
         """Begin with values of all parameters of a detector; ValueError if one is invalid."""
         self._settings = DetectorSettings(values)
-        self._detector: Detector | None = None
-        self._agreement = Agreement(values['min_readings'])
+        self._begin(ZoneGrid())
+
+    def _begin(self, grid: ZoneGrid) -> None:
+        """Forget all, and begin to read frames of a grid."""
+        self._grid = grid
+        self._detector = self._settings.detector(grid)
+        self._agreement = Agreement(self._settings.values['min_readings'])
         self._newest: deque[Frame] = deque(maxlen=_KEPT)
         self._rejected: dict[int, Candidate] = {}  # the best of each zone
         self._read: list[Detection] = []
@@ -48,15 +52,9 @@ class Decoding:
     ) -> Iterator[tuple[list[Detection], list[Track]]]:
         """Yield the detections that become certain with each frame, and its tracks if asked."""
         for frame in frames:
-            if not self._newest or frame.grid != self._newest[-1].grid:
-                self._newest.clear()
-                self._read.clear()
-                self.detections.clear()
-                self._rejected.clear()
-                self._detector = self._settings.detector(frame.grid)
-                self._agreement = Agreement(self._settings.values['min_readings'])
+            if frame.grid != self._grid:
+                self._begin(frame.grid)
             self._newest.append(frame)
-            assert self._detector is not None
             detections = self._detector.update(frame)
             self._read += detections
             confirmed = self._agreement.confirmed(detections)

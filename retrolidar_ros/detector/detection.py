@@ -1,13 +1,68 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The result of a detector, and its counts."""
+"""The results of a detector: detections and tracks of markers, with their poses, and counts."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
-from retrolidar_ros.detector.place import Place
-from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
+import numpy as np
+
+from retrolidar_ros.core import ffi, lib
+from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+
+MAX_TRACKS = int(lib.RL_MAX_TRACKS)
+
+
+class Bearing(NamedTuple):
+    """A direction as tangents to the optical axis, x/z and y/z."""
+
+    tangent: Floats  # shape (2,)
+    variance: Floats  # of each tangent, shape (2,)
+
+
+def zone_bearing(zone: int, grid: ZoneGrid) -> Bearing:
+    """Return the bearing of a marker that may be anywhere in a zone."""
+    return Bearing(grid.tangents[zone], np.full(2, grid.pitch**2 / 12))
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A marker's pose in the optical frame of the sensor: x right, y down, z forward."""
+
+    position_m: Floats  # shape (3,)
+    orientation: Floats  # quaternion (x, y, z, w): facing the sensor, z pointing away from it
+    covariance: Floats  # of x, y, z [m²] and rotations about these axes [rad²], shape (6, 6)
+    range_m: float  # radial distance
+    range_stddev_m: float
+
+    @property
+    def stddev_m(self) -> float:
+        """Deviation of the position along the axis in which it is largest."""
+        return largest_stddev(self.covariance[:3, :3])
+
+
+def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
+    """Return the pose of a marker, with the variance of what is not measured; ranges in [m]."""
+    variance = bearing.variance.tolist()
+    pose = ffi.new('struct rl_pose *')
+    lib.rl_pose(bearing.tangent.tolist(), variance, range_m, range_stddev_m**2, pose)
+    values = np.frombuffer(ffi.buffer(pose))
+    return Place(
+        position_m=values[:3],
+        orientation=values[3:7],
+        covariance=values[7:].reshape(6, 6),
+        range_m=range_m,
+        range_stddev_m=range_stddev_m,
+    )
+
+
+def largest_stddev(covariance: Floats) -> float:
+    """Return the largest deviation along any axis of a covariance; infinite if it is no number."""
+    if not np.isfinite(covariance).all():
+        return math.inf
+    return math.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +85,31 @@ class Detection:
     zones: tuple[int, ...]  # indices of the zones used, strongest first
 
 
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One marker that is followed, at one frame; the fields mirror `MarkerTrack.msg`."""
+
+    id: int
+    stamp_ns: int  # of the frame [ns]
+    place: Place
+    velocity: Floats  # in the optical frame, shape (3,) [m/s]; measured along the range only
+    velocity_covariance: Floats  # shape (3, 3) [m²/s²]
+    presence: float  # log odds that the marker is still there, and still this one [nats]
+    first_ns: int  # when its first packet began [ns]
+    last_ns: int  # time of the newest frame in which its light was seen [ns]
+
+
 @dataclass
 class DetectorCounts:
-    """Candidates by outcome so far."""
+    """Candidates by outcome so far, and tracks."""
 
     candidates: int = 0  # packets found, one for every zone that saw one
     accepted: int = 0
     rejected: Counter[str] = field(default_factory=Counter)  # by reason
     impossible: int = 0  # samples with a valid status but an impossible signal or distance
     overloads: int = 0  # frames with too many candidates, of which the least likely were dropped
+    tracks_ended: int = 0
+    tracks_dropped: int = 0  # because there were more than `MAX_TRACKS`
 
 
 class Detector(Protocol):
@@ -46,7 +117,7 @@ class Detector(Protocol):
 
     @property
     def counts(self) -> DetectorCounts:
-        """Candidates by outcome so far."""
+        """What was counted so far."""
 
     def update(self, frame: Frame) -> list[Detection]:
         """Take the next frame; return the detections that became certain with it."""

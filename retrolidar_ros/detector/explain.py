@@ -7,7 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, Samples, blinking_zones
+from retrolidar_ros.detector.blinking_zones import (
+    MIN_FRAMES,
+    BlinkingZone,
+    blinking_zones,
+    valid_signal,
+)
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.findings import Cause, Finding, listed
 from retrolidar_ros.detector.methods import MAX_PACKETS
@@ -216,14 +221,14 @@ def _ids(detections: Iterable[Detection]) -> str:
 
 def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
     """Return the variance of the quietest quarter of zones over that of a noise law."""
-    samples = Samples.of(recording)
-    pairs = samples.valid[1:] & samples.valid[:-1]
+    signal, valid, mean = valid_signal(recording)
+    pairs = valid[1:] & valid[:-1]
     count = pairs.sum(axis=0)
     seen = count > MIN_FRAMES // 2
     if seen.mean() < _MIN_SEEN:
         return 1.0
-    steps: Floats = np.where(pairs, np.diff(samples.signal, axis=0), 0.0)
-    scale = (steps**2).sum(axis=0) / np.maximum(count, 1) / 2 / law.variance(samples.mean)
+    steps: Floats = np.where(pairs, np.diff(signal, axis=0), 0.0)
+    scale = (steps**2).sum(axis=0) / np.maximum(count, 1) / 2 / law.variance(mean)
     return float(np.quantile(scale[seen], 0.25))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from retrolidar_ros.core import lib
-from retrolidar_ros.detector.blinking_zones import Samples, modulation_db
+from retrolidar_ros.detector.blinking_zones import modulation_db
 from retrolidar_ros.detector.detection import Detection
 from retrolidar_ros.detector.explain import Explanation, rate_finding
 from retrolidar_ros.detector.findings import Cause, Finding
@@ -108,7 +108,7 @@ class FrameMonitor:
         """Look for a zone that waits for too long, or try one more bit period in that zone."""
         recording = Recording.of(list(self.newest))
         law = settings.noise.lit(recording.ambient)
-        quiet = ~(modulation_db(Samples.of(recording), law) >= _CLEARLY_DB)
+        quiet = ~(modulation_db(recording, law) >= _CLEARLY_DB)
         self._explained_ns[quiet] = now_ns
         waited_s = (now_ns - self._explained_ns) * 1e-9
         if self._zone is not None and waited_s[self._zone] >= _PATIENCE_S:

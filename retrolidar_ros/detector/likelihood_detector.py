@@ -2,19 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The default detector: the core (`core/src/retrolidar_detector.h`) searches and decides."""
 
+import math
 from collections import Counter, deque
 from dataclasses import replace
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector.budget import demands
-from retrolidar_ros.detector.detection import Detection, DetectorCounts, check_grid
-from retrolidar_ros.detector.placement import core_sensor, detection_of
-from retrolidar_ros.detector.tracks import Track, TrackCounts, Tracker
+from retrolidar_ros.detector.detection import (
+    Bearing,
+    Detection,
+    DetectorCounts,
+    Track,
+    check_grid,
+    place,
+)
 from retrolidar_ros.marker.code import PACKET_BITS, RESERVED_IDS, check_ids
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
@@ -24,6 +30,8 @@ _MIN_HELD = 1100  # frames: eight packets at two frames a bit, or one at more th
 _SETTLED_PACKETS = 1.5  # by then, any packet that explains a candidate has been read
 _SLACK = 0.1  # of a packet
 _READ = 256  # newest readings that candidates are compared with
+_ACROSS_M_S = 0.5  # deviation of a velocity across the line of sight, which is not measured
+_ACROSS = _ACROSS_M_S**2 * np.eye(3)
 
 
 class Reason(str, Enum):
@@ -132,33 +140,37 @@ class LikelihoodDetector:
             raise MemoryError('no memory for the samples of the detector')
         self._core = ffi.gc(core, lib.rl_detector_destroy)
         self._sensor = sensor
-        self._tracker: Tracker | None = None
+        self._tracks: Any = None
 
     def follow(self, frame: Frame) -> list[Track]:
         """Return the markers at the newest frame, followed from the first call on."""
-        if self._tracker is None:
-            self._tracker = Tracker(self._core)
-        return self._tracker.follow(frame.stamp_ns)
-
-    @property
-    def track_counts(self) -> TrackCounts:
-        """Tracks so far."""
-        return TrackCounts(0, 0, 0) if self._tracker is None else self._tracker.counts
+        if self._tracks is None:
+            tracks = lib.rl_tracks_create(self._core)
+            if tracks == ffi.NULL:
+                raise MemoryError('no memory for tracks')
+            self._tracks = ffi.gc(tracks, lib.rl_tracks_destroy)
+        count = lib.rl_tracks_follow(self._tracks)
+        origin_ns = lib.rl_detector_held(self._core).origin_ns if count else 0
+        tracks = (lib.rl_tracks_track(self._tracks, index) for index in range(count))
+        return [_track(one, frame.stamp_ns, origin_ns) for one in tracks]
 
     @property
     def counts(self) -> DetectorCounts:
-        """Candidates by outcome so far; one that lost to a packet that was read is none."""
+        """What was counted so far; a candidate that lost to a packet that was read is none."""
         counts = lib.rl_detector_counts(self._core)
         accepted = counts.accepted - self._unplaced
         rejected = self._rejections.counts.copy()
         if self._unplaced:
             rejected[Reason.DISTANCE.value] = self._unplaced
+        tracks = lib.rl_tracks_counts(self._tracks) if self._tracks is not None else None
         return DetectorCounts(
             candidates=accepted + sum(rejected.values()),
             accepted=accepted,
             rejected=rejected,
             impossible=counts.impossible,
             overloads=counts.overloads,
+            tracks_ended=tracks.ended if tracks else 0,
+            tracks_dropped=tracks.dropped if tracks else 0,
         )
 
     def update(self, frame: Frame) -> list[Detection]:
@@ -208,12 +220,81 @@ class LikelihoodDetector:
         detections = []
         for reading in newest.reading[0 : newest.readings]:
             if reading.is_placed:
-                origin_ns = held.origin_ns
-                detections.append(detection_of(reading, origin_ns, self._grid, self._sensor))
+                detections.append(self._detection(reading, held.origin_ns))
             else:
                 self._unplaced += 1
         self._rejections.take(self.candidates[before:], detections, now_ns)
         return detections
+
+    def _detection(self, reading: Any, origin_ns: int) -> Detection:
+        """Return a reading that the core has placed, whose times are since an origin."""
+        where, pitch = reading.placement, self._grid.pitch
+        zones = tuple(where.zone[0 : where.zones])
+        bearing = Bearing(
+            self._grid.tangents[zones[0]] + pitch * np.array(list(where.bearing.mean)),
+            pitch**2 * np.array(list(where.bearing.variance)),
+        )
+        # No residual is below the quantisation noise.
+        amplitude = max(where.amplitude, self._sensor.signal_step / math.sqrt(12))
+        return Detection(
+            id=reading.id,
+            stamp_ns=origin_ns + round(where.time_s * 1e9),
+            start_ns=origin_ns + round(reading.start_s * 1e9),
+            end_ns=where.end_ns,
+            place=place(bearing, where.range_m, math.sqrt(where.range_variance)),
+            snr_db=20 * math.log10(amplitude / math.sqrt(where.noise)),
+            evidence=reading.evidence,
+            decision_margin=reading.margin,
+            bit_period_s=reading.bit_s,
+            score=where.score,
+            likelihood=where.likelihood,
+            corrected_bits=where.corrected_bits,
+            packets=reading.packets,
+            zones=zones,
+        )
+
+
+def _track(seen: Any, stamp_ns: int, origin_ns: int) -> Track:
+    """Return a track of the core, whose times are since an origin."""
+    bearing = Bearing(np.array([*seen.tangent]), np.array([*seen.tangent_variance]))
+    where = place(bearing, seen.range_m, math.sqrt(seen.range_variance))
+    direction = where.position_m / seen.range_m
+    along = direction[:, None] * direction
+    return Track(
+        id=seen.id,
+        stamp_ns=stamp_ns,
+        place=where,
+        velocity=seen.range_rate * direction,
+        velocity_covariance=(seen.range_rate_variance - _ACROSS_M_S**2) * along + _ACROSS,
+        presence=seen.log_odds,
+        first_ns=origin_ns + round(seen.first_s * 1e9),
+        last_ns=seen.last_ns,
+    )
+
+
+def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
+    """Return the core's struct of a sensor with these zones."""
+    meaning = np.full(256, lib.RL_INVALID)
+    meaning[list(sensor.valid)] = lib.RL_VALID
+    meaning[list(sensor.nothing)] = lib.RL_NOTHING
+    meaning[list(sensor.faint)] = lib.RL_FAINT
+    fields: dict[str, Any] = {
+        'rows': grid.rows,
+        'columns': grid.columns,
+        'zone_pitch': grid.pitch,
+        'z_per_range': grid.z_per_range.tolist(),
+        'noise_floor': sensor.noise.floor,
+        'noise_slope': sensor.noise.slope,
+        'noise_ambient': sensor.noise.ambient,
+        'meaning': meaning.tolist(),
+    }
+    alike = (
+        *('zone_blur', 'range_offset_m', 'exposure', 'ranging_shot', 'ranging_floor_m'),
+        *('signal_step', 'low_signal', 'max_signal'),
+        *('distance_step_m', 'max_distance_m', 'separable_m'),
+    )
+    fields.update({name: getattr(sensor, name) for name in alike})
+    return ffi.new('struct rl_sensor *', fields)
 
 
 def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.detection import Detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, usable_ids
-from retrolidar_ros.detector.paper import LIKELIHOOD_THRESHOLD, PaperDetector
+from retrolidar_ros.detector.paper_detector import LIKELIHOOD_THRESHOLD, PaperDetector
 from retrolidar_ros.marker.code import BIT_PERIOD_S
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, SensorModel

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.detector.detection import Track
 
 
 def to_json(detection: Detection) -> str:

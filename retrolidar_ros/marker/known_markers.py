@@ -14,8 +14,8 @@ from retrolidar_ros.marker.code import IDS, RESERVED_IDS
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.section import (
     ConfigError,
-    Section,
     Triple,
+    keyed,
     mapping,
     place,
     text,
@@ -62,9 +62,7 @@ def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
 
 def parse_markers(content: object) -> dict[int, KnownMarker]:
     """Return the markers of a YAML file's content; ConfigError for an impossible one."""
-    section = Section(content)
-    known = section.take('markers', _markers)
-    section.end()
+    known: dict[int, KnownMarker] = keyed({'markers': _markers})(content, '')['markers']
     return known
 
 

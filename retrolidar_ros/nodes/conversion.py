@@ -13,8 +13,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from retrolidar_ros.detector import Detection
-from retrolidar_ros.detector.place import Place
-from retrolidar_ros.detector.tracks import Track
+from retrolidar_ros.detector.detection import Place, Track
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection, MarkerTrack
 from retrolidar_ros.sensor.frame import Floats, Frame, ZoneGrid, valid_samples

@@ -14,8 +14,8 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector import Detection, Detector
 from retrolidar_ros.detector.agreement import Agreement
+from retrolidar_ros.detector.detection import MAX_TRACKS
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import MAX_TRACKS
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray, MarkerTrack
 from retrolidar_ros.nodes.conversion import (
@@ -98,7 +98,7 @@ class DetectorTopics:
         ):
             return
         tracks = agreement.followed(detector.follow(frame))
-        self._warn_of_dropped(detector.track_counts.dropped)
+        self._warn_of_dropped(detector.counts.tracks_dropped)
         if not tracks or not self._is_due(frame.stamp_ns):
             return
         messages = [to_track_msg(track, frame_id, self._child_frame(track.id)) for track in tracks]

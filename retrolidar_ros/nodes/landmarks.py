@@ -25,8 +25,7 @@ from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Prior
+from retrolidar_ros.tasks.reading import Errors, Prior, Reading
 from retrolidar_ros.tasks.survey import Backlog, Batch, Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
@@ -117,10 +116,13 @@ class LandmarksNode(Node):
         began_s = time.thread_time()
         while self._backlog and time.thread_time() < began_s + _MAX_BUSY_S:
             batch = self._backlog.pop()
-            if self._room is None:
-                self._update_landmark(batch)
-            else:
-                self._localize(self._room, batch)
+            try:
+                if self._room is None:
+                    self._update_landmark(batch)
+                else:
+                    self._localize(self._room, batch)
+            except ValueError as error:
+                self._readings.refuse(str(error))
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
 
     def _tend_topics(self) -> None:
@@ -128,29 +130,19 @@ class LandmarksNode(Node):
         self._topics.publish_shapes(self._survey.estimates())
 
     def _update_landmark(self, batch: Batch) -> None:
-        """Publish a landmark with new readings."""
+        """Publish a landmark with new readings; ValueError if they cannot be used."""
         topic = f'~/objects/{topic_part(batch.name)}'
-        try:
-            owner = self._owners.get(topic, batch.name)
-            if owner != batch.name:
-                raise ValueError(
-                    f'two names would share a topic, rename one: {owner}, {batch.name}'
-                )
-            estimate = self._survey.take(batch.name, *batch.readings).estimate()
-            self._owners[topic] = batch.name
-        except ValueError as error:
-            self._readings.refuse(str(error))
-            return
+        owner = self._owners.get(topic, batch.name)
+        if owner != batch.name:
+            raise ValueError(f'two names would share a topic, rename one: {owner}, {batch.name}')
+        estimate = self._survey.take(batch.name, *batch.readings).estimate()
+        self._owners[topic] = batch.name
         if estimate is not None:
             self._topics.publish(estimate)
 
     def _localize(self, room: Landmark, batch: Batch) -> None:
-        """Publish the pose of the base at the time of the newest reading."""
-        try:
-            inliers = room.take(*batch.readings)
-        except ValueError as error:
-            self._readings.refuse(str(error))
-            return
+        """Publish the pose of the base at the time of the newest reading; ValueError likewise."""
+        inliers = room.take(*batch.readings)
         if not inliers:
             return
         estimate, base = room.estimate(), self._values['base_frame']

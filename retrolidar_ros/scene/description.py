@@ -148,20 +148,23 @@ class Occlusion:
     lasting_s: Time
 
 
-def _ahead(position_m: Triple, path: str) -> Triple:
-    """Return a position that is before the sensor [m]."""
-    if position_m[2] < NEAREST_M:
-        z = position_m[2]
+def _check_ahead(position_m: Triple, path: str) -> None:
+    z = position_m[2]
+    if z < NEAREST_M:
         raise ConfigError(f'{path}: z of {z:g} m is impossible; at least {NEAREST_M:g} m')
-    return position_m
+
+
+def _waypoints_ahead(value: Any, path: str) -> tuple[Waypoint, ...]:
+    found = _waypoints(value, path)
+    for index, point in enumerate(found):
+        _check_ahead(point.position_m, f'{path}[{index}].position')
+    return found
 
 
 def _check_marker(marker: Marker, path: str) -> None:
     if math.isnan(marker.position_m[2]):
         raise ConfigError(f'{path}.position: is missing')
-    for index, point in enumerate(marker.path):
-        _ahead(point.position_m, f'{path}.path[{index}].position')
-    _ahead(marker.position_m, f'{path}.position')
+    _check_ahead(marker.position_m, f'{path}.position')
     if marker.wander and marker.position_m[2] - marker.wander.along_m < NEAREST_M:
         raise ConfigError(f'{path}.wander.along: the marker would reach the sensor')
     response = marker.response
@@ -189,7 +192,7 @@ class Marker:
     contrast: Share = 1.0  # share of its light that a dark crystal blocks
     response: Annotated[Response | None, mapping(Response)] = None
     wander: Annotated[Wander | None, mapping(Wander)] = None
-    path: Annotated[tuple[Waypoint, ...], _waypoints] = ()
+    path: Annotated[tuple[Waypoint, ...], _waypoints_ahead] = ()
     """Positions in the frame of the scene, instead of one; it does not turn."""
     occlusion: Annotated[Occlusion | None, mapping(Occlusion, _check_occlusion)] = None
 
@@ -210,18 +213,13 @@ class Surface:
     """Where it is seen; None = in every zone."""
 
 
-def _check_moving_surface(surface: MovingSurface, path: str) -> None:
-    for index, point in enumerate(surface.path):
-        _ahead(point.position_m, f'{path}.path[{index}].position')
-
-
 @dataclass(frozen=True)
 class MovingSurface:
     """A dull square facing the sensor, such as a hand, on a path; it hides what is behind it."""
 
     width_m: Annotated[float, quantity('length', 1e-3)]
     signal: Signal  # of a zone that it fills at 1 m
-    path: Annotated[tuple[Waypoint, ...], _waypoints]
+    path: Annotated[tuple[Waypoint, ...], _waypoints_ahead]
 
 
 def _check_scene(scene: Scene, _: str) -> None:
@@ -240,9 +238,7 @@ class Scene:
     sensor: Annotated[Sensor, mapping(Sensor, _check_sensor)] = Sensor()
     markers: Annotated[tuple[Marker, ...], each(mapping(Marker, _check_marker))] = ()
     surfaces: Annotated[tuple[Surface, ...], each(mapping(Surface))] = ()
-    moving_surfaces: Annotated[
-        tuple[MovingSurface, ...], each(mapping(MovingSurface, _check_moving_surface))
-    ] = ()
+    moving_surfaces: Annotated[tuple[MovingSurface, ...], each(mapping(MovingSurface))] = ()
     ambient: Signal = 0.0
 
 

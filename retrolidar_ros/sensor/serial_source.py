@@ -13,41 +13,18 @@ from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
-from typing import Protocol
 
 import serial
 
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.identity import Commands, Identity
+from retrolidar_ros.sensor.identity import Identity
 from retrolidar_ros.sensor.st_example import StExampleReader
-from retrolidar_ros.sensor.wire import FrameReader, WireCounts
+from retrolidar_ros.sensor.wire import FrameReader, Reader, WireCounts
 
 RETRY_S = 0.5
 _READ_TIMEOUT_S = 0.2
 _WRITE_TIMEOUT_S = 1.0  # of a device that takes no bytes any longer
 _MAX_BYTES = 4096
-
-
-class Reader(Protocol):
-    """Finds frames in a stream of bytes; accepts any bytes."""
-
-    @property
-    def counts(self) -> WireCounts:
-        """Frames and errors so far."""
-
-    @property
-    def commands(self) -> Commands | None:
-        """Commands and answers; None if the protocol has none."""
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take the next bytes of the stream; return the frames they complete, oldest first."""
-
-    def restart(self) -> None:
-        """Forget a frame that was cut off: the next bytes do not continue it."""
-
-    def request(self) -> bytes:
-        """Return bytes to send to the sensor now; mostly none."""
-
 
 PROTOCOLS: dict[str, Callable[[Callable[[], int]], Reader]] = {
     'retrolidar': lambda _: FrameReader(),

@@ -14,7 +14,7 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, Status
-from retrolidar_ros.sensor.wire import Splitter, WireCounts
+from retrolidar_ros.sensor.wire import Reader, Splitter
 
 MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five digits
 SWITCH_LIGHT = b's'  # switches the signal and the ambient light on, or off again
@@ -101,7 +101,7 @@ class _Table:
         )
 
 
-class StExampleReader:
+class StExampleReader(Reader):
     """Finds frames in the text of ST's example; accepts any bytes.
 
     The left of the scene comes first, as in a `Frame`. There is no time and no counter: a frame
@@ -113,33 +113,16 @@ class StExampleReader:
     noticed. Memory is bounded.
     """
 
-    commands = None
-
     def __init__(self, now_ns: Callable[[], int]) -> None:
         """Start anywhere in the text; `now_ns` returns the host's time [ns]."""
-        self.counts = WireCounts()
+        super().__init__(Splitter(_LINE_END, MAX_LINE_BYTES))
         self._now_ns = now_ns
-        self._table: _Table | None = None
         self.restart()
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take the next bytes of the stream; return the frames they complete, oldest first."""
-        frames = []
-        for line in self._lines.split(data):
-            if line is None:
-                self.counts.overlong += 1
-                self._table = None
-            elif not _TEXT.fullmatch(line):
-                self.counts.bad_framing += 1
-                self._table = None
-            elif (frame := self._read_line(line.decode('ascii'))) is not None:
-                frames.append(frame)
-        return frames
 
     def restart(self) -> None:
         """Forget a frame that was cut off, and what was requested."""
-        self._lines = Splitter(_LINE_END, MAX_LINE_BYTES)
-        self._table = None
+        self._pieces = Splitter(_LINE_END, MAX_LINE_BYTES)
+        self._table: _Table | None = None
         self._dark_frames = 0  # frames without signal since one with it
         self._is_light_wanted = False
 
@@ -148,9 +131,13 @@ class StExampleReader:
         is_wanted, self._is_light_wanted = self._is_light_wanted, False
         return SWITCH_LIGHT if is_wanted else b''
 
-    def _read_line(self, line: str) -> Frame | None:
+    def _read(self, piece: bytes | None) -> Frame | None:
         """Return the frame that a line completes, if it does."""
-        _, home, line = line.rpartition(_HOME)
+        if piece is None or not _TEXT.fullmatch(piece):
+            self.counts.bad_framing += piece is not None
+            self._table = None
+            return None
+        _, home, line = piece.decode('ascii').rpartition(_HOME)
         is_title = _TABLE_TITLE in line
         if home or (is_title and (self._table is None or self._table.has_title)):
             if self._table is not None:

@@ -190,29 +190,49 @@ class Splitter:
         return not self._discarding
 
 
-class FrameReader:
-    """Finds frames in a stream of bytes; accepts any bytes, in bounded memory.
+class Reader:
+    """Finds frames in a stream of bytes; accepts any bytes, in bounded memory."""
+
+    commands: Commands | None = None  # commands and answers, if the protocol has them
+
+    def __init__(self, pieces: Splitter) -> None:
+        """Start anywhere in the stream, which is cut into pieces."""
+        self.counts = WireCounts()
+        self._pieces = pieces
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take the next bytes of the stream; return the frames they complete, oldest first."""
+        frames = []
+        for piece in self._pieces.split(data):
+            self.counts.overlong += piece is None
+            if (frame := self._read(piece)) is not None:
+                frames.append(frame)
+        return frames
+
+    def restart(self) -> None:
+        """Forget a frame that was cut off: the next bytes do not continue it."""
+        raise NotImplementedError
+
+    def request(self) -> bytes:
+        """Return bytes to send to the sensor now; mostly none."""
+        raise NotImplementedError
+
+    def _read(self, piece: bytes | None) -> Frame | None:
+        """Return the frame that a piece completes, if it does; None was too long."""
+        raise NotImplementedError
+
+
+class FrameReader(Reader):
+    """Finds the frames of protocol version 1.
 
     Damage costs the packet it is in, and the next as well if it hit the delimiter between them.
     What stands before the first delimiter may be the rest of a packet, and then is no damage.
     """
 
     def __init__(self) -> None:
-        self.counts = WireCounts()
-        self.commands = Commands()
-        self._packets = Splitter(DELIMITER, MAX_PACKET_BYTES)
+        super().__init__(Splitter(DELIMITER, MAX_PACKET_BYTES))
+        self.commands: Commands = Commands()
         self._is_in_step = False  # whether the next packet is known to come from its beginning
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take the next bytes of the stream; return the frames they complete, oldest first."""
-        frames = []
-        for packet in self._packets.split(data):
-            if packet is None:
-                self.counts.overlong += 1
-            elif packet and (frame := self._read_packet(packet)) is not None:
-                frames.append(frame)
-            self._is_in_step = True
-        return frames
 
     def restart(self) -> None:
         """Forget a frame that was cut off, and the identity: the next bytes do not continue it."""
@@ -224,16 +244,19 @@ class FrameReader:
         """Return the commands to send to the sensor now; mostly none."""
         return self.commands.request()
 
-    def _read_packet(self, packet: bytes) -> Frame | None:
+    def _read(self, packet: bytes | None) -> Frame | None:
         """Return the frame of one packet, or count why there is none."""
+        was_in_step, self._is_in_step = self._is_in_step, True
+        if not packet:
+            return None
         try:
             data = cobs_decode(packet)
         except ValueError:
-            self.counts.bad_framing += self._is_in_step
+            self.counts.bad_framing += was_in_step
             return None
         content, checksum = data[:-_CRC_BYTES], data[-_CRC_BYTES:]
         if not content or crc16(content) != int.from_bytes(checksum, 'little'):
-            self.counts.bad_crc += self._is_in_step
+            self.counts.bad_crc += was_in_step
             return None
         if content[0] not in (KIND_FRAME, KIND_IDENTITY):
             self.counts.unknown_kind += 1

@@ -4,8 +4,8 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields
+from collections.abc import Callable, Container, Mapping
+from dataclasses import MISSING, fields
 from difflib import get_close_matches
 from typing import Any, TypeAlias, TypeVar, cast, get_type_hints
 
@@ -34,36 +34,27 @@ class ConfigError(ValueError):
     """An impossible setting; the message names the key and what to write instead."""
 
 
-class Section:
-    """One mapping of a file: every key is taken once, and none may be left over."""
+def keyed(parsers: Mapping[str, Parser[Any]], optional: Container[str] = ()) -> Parser[Any]:
+    """Return a parser of mappings by those of their keys; ConfigError for a missing or other key.
 
-    def __init__(self, content: object, path: str = '') -> None:
-        """Wrap `content`, found under the dotted `path`."""
-        if not isinstance(content, Mapping):
-            raise ConfigError(f'{path or "the file"}: needs keys with values, not {content!r:.100}')
-        self._content = dict(content)
-        self._path = path
-        self._taken: list[str] = []
+    The result lacks the optional keys that are not there.
+    """
 
-    def path(self, key: str) -> str:
-        """Return the dotted name of a key, for messages."""
-        return f'{self._path}.{key}' if self._path else key
+    def parse(value: Any, path: str) -> dict[str, Any]:
+        if not isinstance(value, Mapping):
+            raise ConfigError(f'{path or "the file"}: needs keys with values, not {value!r:.100}')
+        above = f'{path}.' if path else ''
+        for key in value:
+            if key not in parsers:
+                near = get_close_matches(str(key), parsers, n=1)
+                hint = f'did you mean {near[0]}?' if near else f'known are {", ".join(parsers)}'
+                raise ConfigError(f'{above}{key}: unknown key; {hint}')
+        for key in parsers:
+            if key not in value and key not in optional:
+                raise ConfigError(f'{above}{key}: is missing')
+        return {key: one(value[key], above + key) for key, one in parsers.items() if key in value}
 
-    def take(self, key: str, parse: Parser[T], default: Any = MISSING) -> T:
-        """Return the parsed value of a key; if it is missing, the default, or ConfigError."""
-        if key not in self._content and default is MISSING:
-            raise ConfigError(f'{self.path(key)}: is missing')
-        self._taken.append(key)
-        if key not in self._content:
-            return cast(T, default)
-        return parse(self._content.pop(key), self.path(key))
-
-    def end(self) -> None:
-        """Raise ConfigError for the first unknown key."""
-        for key in self._content:
-            near = get_close_matches(str(key), self._taken, n=1)
-            hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(self._taken)
-            raise ConfigError(f'{self.path(str(key))}: unknown key; {hint}')
+    return parse
 
 
 def mapping(
@@ -73,33 +64,25 @@ def mapping(
 
     The key of `start_s: Annotated[float, quantity('time')]` is `start`, unless another one follows
     the parser; it is required if the field has no default. Fields that are `given` have no key.
-    ConfigError, which names the key, for an unknown key and an impossible value; `check` raises it
-    for values that do not go together.
+    `check` raises ConfigError for values that do not go together.
     """
 
     def parse(value: Any, path: str) -> T:
-        section = Section(value, path)
-        values = dict(given)
-        for field, key, parser in _keys(kind):
-            if field.name not in given:
-                values[field.name] = section.take(key, parser, field.default)
-        section.end()
-        found = kind(**values)
+        hints = get_type_hints(kind, include_extras=True)
+        own = [field for field in fields(cast(Any, kind)) if field.name not in given]
+        keys, parsers = {}, {}
+        for field in own:
+            parser, *key = hints[field.name].__metadata__
+            keys[field.name] = name = (key or [re.sub('_(s|m|rad)$', '', field.name)])[0]
+            parsers[name] = parser
+        optional = [keys[field.name] for field in own if field.default is not MISSING]
+        values = keyed(parsers, optional)(value, path)
+        found = kind(**given, **{name: values[key] for name, key in keys.items() if key in values})
         if check is not None:
             check(found, path)
         return found
 
     return parse
-
-
-def _keys(kind: Any) -> list[tuple[Field[Any], str, Parser[Any]]]:
-    """Return the fields of a dataclass with their keys and parsers."""
-    hints = get_type_hints(kind, include_extras=True)
-    keys = []
-    for field in fields(kind):
-        parser, *key = getattr(hints[field.name], '__metadata__', (None,))
-        keys.append((field, *(key or [re.sub('_(s|m|rad)$', '', field.name)]), parser))
-    return keys
 
 
 def quantity(

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Landmarks: objects that carry markers, placed by all readings that belong to them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -11,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
-from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Fit, Prior
+from retrolidar_ros.tasks.reading import Errors, Fit, Prior, Reading
 
 _GATE = 4.5  # gating: a reading with a residual beyond so many standard deviations is an outlier
 # A landmark is initialised when so many more readings agree than do not, and it has moved when so

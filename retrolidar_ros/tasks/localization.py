@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Errors, Prior, State
 
 # Deviations of a robot on a floor from its plane [m] and from level [rad], and of all else.
 _LEVEL_M, _LEVEL = 0.01, 0.01

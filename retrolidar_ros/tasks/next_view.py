@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.reading import Reading, SensorPose

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from retrolidar_ros.detector.place import largest_stddev
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors, Reading
-from retrolidar_ros.tasks.state import Prior
+from retrolidar_ros.tasks.reading import Errors, Prior, Reading
 
 MAX_LANDMARKS = 500  # of a survey: as many fit into a file that is read
 _ORIGIN = np.zeros(3)

@@ -12,10 +12,10 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
-from retrolidar_ros.settings.section import ConfigError, Section, text
+from retrolidar_ros.settings.section import ConfigError, keyed, text
 from retrolidar_ros.settings.yaml_files import load_parsed, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Prior, State
 
 _BACKUP = '.bak'
 _MAX_NAMED = 5
@@ -112,11 +112,8 @@ def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
 
 def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
     """Return what `survey_content` wrote; ConfigError if numbers are missing or impossible."""
-    section = Section(content)
-    frame = section.take('frame', text)
-    known = section.take('landmarks', _priors)
-    section.end()
-    return frame, known
+    found = keyed({'frame': text, 'landmarks': _priors})(content, '')
+    return found['frame'], found['landmarks']
 
 
 def _priors(value: Any, path: str) -> dict[str, Prior]:
@@ -126,16 +123,14 @@ def _priors(value: Any, path: str) -> dict[str, Prior]:
 
 
 def _prior(value: Any, path: str) -> Prior:
-    section = Section(value, path)
-    position_m = section.take('position', _numbers(3))
-    turn = section.take('orientation', _numbers(4))
-    covariance = section.take('covariance', _numbers(36)).reshape(6, 6)
-    section.end()
+    sizes = {'position': 3, 'orientation': 4, 'covariance': 36}
+    found = keyed({key: _numbers(size) for key, size in sizes.items()})(value, path)
+    turn, covariance = found['orientation'], found['covariance'].reshape(6, 6)
     if not np.linalg.norm(turn) > 0:
         raise ConfigError(f'{path}.orientation: is no quaternion')
     if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
         raise ConfigError(f'{path}.covariance: is not symmetric and above 0')
-    return Prior(State(position_m, matrix_of(turn), np.zeros(3)), covariance)
+    return Prior(State(found['position'], matrix_of(turn), np.zeros(3)), covariance)
 
 
 def _numbers(count: int) -> Callable[[Any, str], Floats]:

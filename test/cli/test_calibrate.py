@@ -55,7 +55,6 @@ HAND = {
 @pytest.mark.parametrize(
     ('content', 'sentence'),
     [
-        ({'sensor': {**SENSOR, 'zones': '8x8', 'period': '66.7 ms'}}, 'and not one to eight'),
         ({'sensor': {**SENSOR, 'period': '33.3 ms'}, 'markers': [FAINT]}, 'two are read farther'),
         ({'markers': [{**MARKER, 'contrast': '1 %'}]}, 'check polarisers and voltage'),
         (

@@ -107,9 +107,7 @@ def test_a_damaged_bag_is_used_up_to_the_damage(bag: Path, tmp_path: Path, capsy
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('calibrate BAG -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
-        ('demo nowhere', '.*no scene nowhere'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),
-        ('ids --check 3,4096', r'marker ID 4096 is outside 0\.\.4095'),
         ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
         ('budget --distance 2km', "--distance: '2km' is in km; it needs m or cm or mm"),
         ('budget --queries 1e4', '10000 queries an hour .* 0 to 2765'),
@@ -129,7 +127,6 @@ def test_unusable_input_is_a_line(bag: Path, arguments: str, message: str, capsy
         ('decode bag --method magic', 'choose from'),
         ('emulate coffee --bag bag --duration nan', "'nan' is"),
         ('plot bag -o no/such/x.png', 'there is no directory no/such; make it first'),
-        ('record port -o no/such/bag', 'there is no directory no/such; make it first'),
         ('watch port --bit-period 11', '11.0 is not within'),
         ('ids', 'one of the arguments --count --check is required'),
         ('ids --count 3 --check 3,17', 'not allowed with'),
@@ -140,12 +137,11 @@ def test_unusable_input_is_a_line(bag: Path, arguments: str, message: str, capsy
 def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output) -> None:
     with pytest.raises(SystemExit, match=r'^2$'):
         main(arguments.split())
-    error, *more = capsys.readouterr().err.splitlines()
-    assert error.startswith(f'retrolidar {arguments.split()[0]}: ')
+    error, more = capsys.readouterr().err.splitlines()
+    command = f'retrolidar {arguments.split()[0]}'
+    assert error.startswith(f'{command}: ')
     assert message in error
-    assert 1 <= len(more) <= 3
-    is_told = 'required' in error or 'allowed' in error
-    assert is_told or '--help' in more[0] or more[0].strip().startswith(('-', 'ID'))
+    assert more == f'See {command} --help'
 
 
 def test_versions_scenes_and_units(bag: Path, capsys: Output) -> None:

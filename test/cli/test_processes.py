@@ -70,6 +70,8 @@ def test_leaving_ends_children_and_theirs(tmp_path: Path, line: LifeLine, progra
         group.start('one', line.command(program))
         group.start('other', line.command(program))
         line.wait_for(b'ready\nready')
+        # So Ctrl-C in a terminal does not reach it past the group.
+        assert os.getpgid(group.pid('one')) == group.pid('one') != os.getpgrp()
         with pytest.raises(TimeoutError):
             line.read(0.05)
     assert line.all_gone()
@@ -145,20 +147,3 @@ def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: Li
             group.check()
         assert str(caught.value) == f'failing ended with exit code 3:\n{lines}\noops'
     assert line.all_gone()
-
-
-def test_a_stopped_process_may_be_started_again(tmp_path: Path, line: LifeLine) -> None:
-    again = LifeLine(tmp_path / 'again')
-    with ProcessGroup(tmp_path) as group:
-        for one in (line, again):
-            group.start('sleeper', one.command(SLEEPER))
-            one.wait_for(b'ready')
-            with pytest.raises(ValueError, match='sleeper has been started already'):
-                group.start('sleeper', one.command(SLEEPER))
-            # So Ctrl-C in a terminal does not reach it past the group.
-            pid = group.pid('sleeper')
-            assert os.getpgid(pid) == pid != os.getpgrp()
-            assert group.stop('sleeper') == -signal.SIGINT
-            group.check()
-            assert one.all_gone()
-    os.close(again.end)

@@ -87,12 +87,3 @@ def test_no_frame_is_explained_is_an_exit_code_and_leaves_nothing(
     assert '0 frames, 0.0 a second, 0 lost; nothing comes: is the' in output.err
     assert 'no frame came' in output.out
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_port_that_does_not_exist_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bag = tmp_path / 'bag'
-    assert main(['record', str(tmp_path / 'none'), '-o', str(bag), '--duration', '0.3']) == 1
-    assert 'does not exist; is the sensor plugged in?' in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []

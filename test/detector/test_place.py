@@ -12,8 +12,8 @@ from oracle import Sending, light
 
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.detector.place import Bearing, place, zone_bearing
-from retrolidar_ros.detector.placement import core_sensor
+from retrolidar_ros.detector.detection import Bearing, place, zone_bearing
+from retrolidar_ros.detector.likelihood_detector import core_sensor
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid

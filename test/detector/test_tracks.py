@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from evaluation.bench.following import two_in_a_zone
 from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.tracks import Track
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Ranging, Surface, Wander, Waypoint
@@ -171,7 +171,7 @@ def test_a_hand_and_lost_frames_end_no_track(hidden_s: float) -> None:
     for seen in (hidden, []):
         detector, tracks = follow([*frames[:300], *seen, *frames[end:]])
         assert len(tracks[299]) == len(tracks[-1]) == 1
-        assert detector.track_counts.ended == 0
+        assert detector.counts.tracks_ended == 0
 
 
 @pytest.mark.parametrize('apart_m', [0.0, 0.3])
@@ -195,7 +195,7 @@ def test_no_track_outlives_a_jump_of_time(jump_s: float) -> None:
         later = replace(frame, stamp_ns=frame.stamp_ns + round(1e9 * jump_s))
         detector.update(later)
     assert not detector.follow(later)
-    assert detector.track_counts.ended == 1
+    assert detector.counts.tracks_ended == 1
 
 
 def test_the_background_moves_no_range() -> None:
@@ -233,4 +233,4 @@ def test_a_marker_that_is_three_times_as_bright_at_once_is_followed() -> None:
     signal[300:, ZONE] = 4.0 + 3.0 * (signal[300:, ZONE] - 4.0)
     detector, tracks = follow(replace(recording, signal=signal))
     assert len(tracks[-1]) == 1
-    assert detector.track_counts.ended == 0
+    assert detector.counts.tracks_ended == 0

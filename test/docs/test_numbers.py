@@ -85,12 +85,6 @@ def test_the_table_is_that_of_the_sources() -> None:
     assert page == written(page)
 
 
-def test_a_number_that_is_renamed_keeps_its_origin() -> None:
-    page = PAGE.read_text(encoding='utf-8')
-    name, file, _ = constants()[0]
-    assert written(page.replace(f'|`{name}`|{file}|', f'|`OLD`|{file}|')) == page
-
-
 def test_every_number_says_where_it_comes_from() -> None:
     before, _, after = PAGE.read_text(encoding='utf-8').partition(HEADER)
     explained = set(re.findall(r'\*(\w+)\*', before.rpartition('\n## ')[2]))
@@ -105,15 +99,6 @@ def test_those_that_were_swept_are_those_of_the_experiment() -> None:
     assert sorted(swept) == sorted(in_experiment)
     for name, (change,) in number_changes().items():
         assert change.without != change.line, name
-
-
-def test_of_what_numbers_are_found() -> None:
-    source = """
-        enum { A = 2, B, C = RL_A + 1 }; /* D = 4 */
-        static const double E = 0.5, F[2] = {1e-3, 2.0};
-        static const float *of(const float G);
-    """
-    assert _constants(source) == [('E', '0.5'), ('F', '{1e-3,2.0}'), ('A', '2')]
 
 
 if __name__ == '__main__':

@@ -1,93 +1,172 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What experiments are made of: places, recordings, times, landmarks."""
+"""What experiments are made of: recordings and random rooms, cameras and readers of markers."""
 
+import ctypes.util
 import math
+import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from evaluation.bench import landmark_parts, places
 from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
-from evaluation.bench.judging import BOTH, judged, watch
-from evaluation.bench.landmark_parts import drone_trial, room_trial, tilt_trial
+from evaluation.bench.judging import BOTH
 from evaluation.bench.recordings import SILENCE_BITS, record
-from evaluation.bench.stresses import PLAIN, STRESSES, Stress
-from evaluation.experiments import coffee, time_to_id
-from evaluation.experiments.moving import across
-from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from evaluation.bench.room_markers import (
+    FOREIGN,
+    MOTIONS,
+    SENDINGS,
+    Course,
+    room_marker,
+)
+from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
+from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
+from evaluation.bench.rooms import play
+from evaluation.bench.stresses import PLAIN
+from evaluation.experiments import time_to_id
+from evaluation.peers import camera
+from evaluation.peers.visual_markers import (
+    APRILTAG,
+    APRILTAG_FINE,
+    QR,
+    AprilTagReader,
+    View,
+    find_readers,
+    read_pictures,
+)
+from retrolidar_ros.detector import Detection, create_detector
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene import Scene
+from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import ZoneGrid
+from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import Status
-from retrolidar_ros.tasks.reading import SensorPose
 
-WORLD = load_scene('coffee')
-ANGLES = st.floats(-math.pi, math.pi)
-
-
-@given(yaw=ANGLES, pitch=ANGLES, roll=ANGLES)
-def test_to_the_sensor_and_back_is_the_identity(yaw: float, pitch: float, roll: float) -> None:
-    pose = SensorPose(np.array([0.1, -0.2, 0.05]), places.rotation(yaw, pitch, roll))
-    assert np.linalg.det(pose.rotation) == pytest.approx(1)
-    there_m = places.markers_at(WORLD)
-    assert places.to_world(pose, places.to_sensor(pose, there_m)) == pytest.approx(there_m)
+DURATION_S = 20.0
+PLACE_M = 1.0 * SENSOR.grid.directions[5]
 
 
-def test_all_are_seen_within_the_border_and_in_zones_of_their_own() -> None:
-    grid = ZoneGrid()
-    middles = np.append(grid.tangents, np.ones((grid.zones, 1)), axis=1)
-    markers_m = [middles, -middles, middles * [1.2, 1, 1], middles[[0, 0, 1]]]
-    assert [places.sees_all(one, grid) for one in markers_m] == [True, False, False, False]
+def one_marker(sending: str = 'repeating', seed: int = 0) -> Room:
+    """Return the reference scene with one marker at 1 m that always sends."""
+    rng = np.random.default_rng(seed)
+    bit_s = BIT_PERIOD_S * (2.5 if sending == 'period' else 1.0)
+    marker = room_marker(sending, Course('still', PLACE_M), bit_s, -0.4, DURATION_S, rng)
+    wall = Surface(1.05, WALL_SIGNAL)
+    scene = Scene(duration_s=DURATION_S, sensor=SENSOR, surfaces=(wall,))
+    return Room(scene, BIT_PERIOD_S, (marker,))
 
 
-def test_from_its_own_place_the_sensor_sees_the_shipped_scene() -> None:
-    scene = places.view_from(SensorPose(np.zeros(3), np.eye(3)), WORLD, np.random.default_rng(0))
-    assert places.markers_at(scene) == pytest.approx(places.markers_at(WORLD))
-    shown, shipped = (
-        {zone: one.distance_m for one in view.surfaces for zone in one.zones or ()}
-        for view in (scene, WORLD)
-    )
-    assert set(shown) == set(range(16))
-    assert shown == pytest.approx(shipped, abs=0.02)
+def simulated(room: Room) -> tuple[RoomSimulation, Recording]:
+    simulation = RoomSimulation(room, np.random.default_rng(1))
+    return simulation, simulation.run(room.scene.duration_s)
 
 
-def test_frames_one_by_one_give_each_reading_as_soon_as_all_of_it_was_seen() -> None:
-    recording = Simulation(WORLD).run(4)
-    steps = watch(create_detector('joint', recording.grid), recording)
-    readings = [(step, one) for step in steps for one in step.detections]
-    assert {one.id for _, one in readings} == {one.id for one in WORLD.markers}
-    for step, detection in readings:
-        assert step.frame.stamp_ns == pytest.approx(1e9 * step.known_s + recording.stamp_ns[0])
-        assert detection.start_ns < detection.stamp_ns < detection.end_ns
-        assert 0 <= step.frame.stamp_ns - detection.end_ns < 0.5e9
+def readings(recording: Recording) -> list[Detection]:
+    return create_detector('joint', recording.grid).update_all(recording)
 
 
-def test_objects_that_are_not_read_are_not_placed() -> None:
-    rng = np.random.default_rng(2)
-    pose = places.random_pose(WORLD, rng)
-    scene = places.view_from(pose, WORLD, rng)
-    recording = Simulation(replace(scene, markers=scene.markers[:2]), rng).run(4)
-    time_s, errors = coffee.place_all('joint', recording, scene, pose)
-    assert time_s == math.inf
-    assert set(errors) == {marker.name for marker in scene.markers[:2]}
+def scored(room: Room, id_: int | None = None) -> Scored:
+    """Return the score of what is read of a room, or of that read as another ID."""
+    simulation, recording = simulated(room)
+    found = [replace(one, id=one.id if id_ is None else id_) for one in readings(recording)]
+    return score(simulation, packets_of(simulation), found)
 
 
-@pytest.mark.parametrize('stress', STRESSES, ids=lambda stress: stress.name)
-def test_a_stress_gives_the_same_possible_frames_again(stress: Stress) -> None:
-    first, second = (record(stress, 150.0, np.random.default_rng(7)) for _ in range(2))
-    np.testing.assert_array_equal(first.recording.signal, second.recording.signal)
-    assert (first.recording.signal >= 0).all()
-    assert (np.diff(first.recording.stamp_ns) > 0).all()
-    assert len(set(first.ids.tolist())) == first.recording.grid.zones
-    if first.seconds is not None:
-        assert (first.seconds != first.ids).all()
+def test_a_room_is_that_of_its_seed() -> None:
+    frames = []
+    for seed, number in ((7, 3), (7, 4), (8, 3)):
+        rng = np.random.default_rng([seed, number])
+        room = draw_room(rng)
+        frames.append(RoomSimulation(room, rng).run(5.0))
+    assert not any(np.array_equal(frames[0].signal, other.signal) for other in frames[1:])
+    one, again = (play(number=3, seed=7) for _ in range(2))
+    assert one.scored == again.scored
+
+
+def test_all_that_is_named_is_drawn() -> None:
+    drawn = [draw_room(np.random.default_rng([1, number])) for number in range(150)]
+    markers = [marker for room in drawn for marker in room.markers]
+    assert {marker.sending for marker in markers} == {*SENDINGS, *FOREIGN}
+    assert {marker.course.motion for marker in markers} == set(MOTIONS)
+    assert any(math.isfinite(marker.present_s[0]) for marker in markers)
+    assert {len(room.markers) for room in drawn} == {1, 2, 3, 4, 16}
+    assert {room.scene.sensor.grid.rows for room in drawn} == {4, 8}
+    assert {room.cloth[0] > 0 for room in drawn} == {True, False}
+    for what in ('surfaces', 'moving_surfaces'):
+        assert {bool(getattr(room.scene, what)) for room in drawn} == {True, False}
+    for what in ('lost', 'abnormal', 'jitter_s'):
+        assert {getattr(room.scene.sensor, what) > 0 for room in drawn} == {True, False}
+
+
+def test_what_is_said_to_be_sent_is_in_the_light_and_silence_is_bright() -> None:
+    room = one_marker('pauses')
+    simulation, recording = simulated(room)
+    sent = packets_of(simulation)
+    assert {(one.zone, one.company, one.signal) for one in sent} == {(5, COMPANY[0], SIGNALS[-1])}
+    time_s, signal, (marker,) = 1e-9 * recording.stamp_ns, recording.signal[:, 5], room.markers
+    for one in (one for one in sent if one.whole):
+        middles_s = one.start_s + marker.bit_s * (np.arange(PACKET_BITS) + 0.5)
+        bits = np.interp(middles_s, time_s, signal)
+        np.testing.assert_array_equal(bits < bits.max() / 2, packet(one.id) == 1)
+    ends_s = [(one.start_s - 0.02, one.end_s + 0.04) for one in sent]
+    silent = np.array([not any(start < at < end for start, end in ends_s) for at in time_s])
+    assert silent.any()
+    assert signal[silent].min() > 0.8 * signal.max()
+    partial = [one for one in sent if not one.whole]
+    assert partial[0].start_s == 0.0
+    assert all(one.end_s > DURATION_S - 3 for one in partial[1:])
+
+
+def test_an_id_that_was_not_sent_is_wrong() -> None:
+    room = one_marker()
+    other = int(USABLE_IDS[USABLE_IDS.searchsorted(room.markers[0].ids[0]) - 1])
+    result = scored(room, other)
+    assert result.readings
+    assert not any(right for _, right in result.readings)
+    assert not any(result.read)
+    assert {one.true_ids for one in result.wrong} == {(room.markers[0].ids[0],)}
+    assert {(one.near, one.motion, one.signal) for one in result.wrong} == {
+        ('repeating', 'still', 'bright')
+    }
+
+
+@pytest.mark.parametrize(
+    ('zone', 'early_packets', 'end_packets', 'right', 'misdated'),
+    [
+        (5, 0.0, 0.0, True, 0),
+        (6, 0.0, 0.0, True, 0),
+        (7, 0.0, 0.0, False, 0),
+        (5, 0.4, 0.0, True, 0),
+        (5, 0.9, 0.0, False, 0),
+        (5, 0.9, 0.9, True, 1),
+    ],
+)
+def test_an_id_is_right_in_its_direction_and_at_its_time_or_by_its_samples(
+    zone: int, early_packets: float, end_packets: float, right: bool, misdated: int
+) -> None:
+    room = one_marker('lone', seed=3)
+    simulation, recording = simulated(room)
+    found = readings(recording)[0]
+    start_ns = found.start_ns - round(1e9 * early_packets * PACKET_S)
+    end_ns = start_ns + round(1e9 * (1 + end_packets) * PACKET_S)
+    place = replace(found.place, position_m=SENSOR.grid.directions[zone])
+    moved = replace(found, place=place, start_ns=start_ns, end_ns=end_ns)
+    result = score(simulation, packets_of(simulation), [moved])
+    assert [is_right for _, is_right in result.readings] == [right]
+    assert result.misdated == misdated
+
+
+def test_whatever_a_foreign_marker_is_read_as_is_wrong() -> None:
+    simulation, _ = simulated(one_marker('period'))
+    _, recording = simulated(one_marker())
+    assert packets_of(simulation) == []
+    result = score(simulation, [], readings(recording))
+    assert result.readings
+    assert {one.near for one in result.wrong} == {'period'}
+    assert len(result.wrong) == len(result.readings)
 
 
 def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
@@ -109,15 +188,12 @@ def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() ->
     assert wall.recording.signal.min(axis=0) == pytest.approx(np.full(16, 77.0), abs=25)
 
 
-def test_a_marker_on_its_way_is_in_one_zone_after_the_other() -> None:
-    rng = np.random.default_rng(3)
-    path = across(0.4, 1.0, rng)
-    sent = record(PLAIN, 360.0, rng, range_m=1.0, repeated_s=8.0, path=path)
-    speeds = np.abs(np.diff(path(np.arange(0, 8, 0.01))[:, 0])) / 0.01
-    assert np.median(speeds) == pytest.approx(0.4)
-    seen = sent.recording.signal.argmax(axis=1)[sent.recording.signal.max(axis=1) > 100]
-    assert len(np.unique(seen % 4)) == 4
-    assert judged(sent, BOTH['joint'], lone=False).right.shape == (1,)
+READERS = {reader.name: reader for reader in find_readers()[0]}
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(3)
 
 
 @pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
@@ -133,11 +209,6 @@ def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
         assert (np.isnan(block.distance) == none).all()
 
 
-def test_time_by_which_a_share_is_identified() -> None:
-    times_s = np.array([4.0, 1.0, math.inf, 3.0, 2.0])
-    assert [time_to_id.time_by_which(share, times_s) for share in (0.5, 0.9)] == [3.0, None]
-
-
 def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
     sent = time_to_id.appearing(1.0, np.random.default_rng(3))
     before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
@@ -148,28 +219,56 @@ def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() 
     assert wrong <= 1  # a packet that comes into view half sent may look like another
 
 
-def test_bits_that_tell_ids_apart() -> None:
-    ids = np.random.default_rng(3).choice(USABLE_IDS, 3, replace=False)
-    own, *others = packet(ids)
-    turned = [np.roll(other, -turn) for other in others for turn in range(PACKET_BITS)]
-    for start, needed in enumerate(time_to_id.needed_bits(ids)):
-        differing = np.cumsum(np.roll(own, -start) != turned, axis=1).min(axis=0)
-        assert needed == 1 + np.argmax(differing >= 2)
+def test_photoelectrons_follow_light_and_time() -> None:
+    # By hand: 100 lux on paper of 0.9 through f/1.8 with 0.9 of the light leave 6.25 lux; for
+    # 1/30 s on (1/300 mm)², half of 683 W⁻¹ lm of 555 nm photons count.
+    photons_j = 6.62607e-34 * 2.99792e8 / 555e-9
+    expected = 0.5 * 6.25 / 683 / photons_j * (1e-3 / 300) ** 2 / 30
+    assert camera.paper_electrons(100, 1 / 30) == pytest.approx(expected, rel=1e-4)
+    assert camera.paper_electrons(50, 1 / 60) == pytest.approx(expected / 4, rel=1e-4)
 
 
-@pytest.mark.parametrize('part', landmark_parts.PARTS)
-def test_what_a_part_is_switched_off_by_exists(part: str) -> None:
-    for target, attribute, _ in landmark_parts.PARTS[part]:
-        assert hasattr(target, attribute), f'{part}: there is no {attribute}'
+def test_missing_zbar_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in [name for name in sys.modules if name.startswith('pyzbar')]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setattr(ctypes.util, 'find_library', lambda name: None)
+    readers, missing = find_readers()
+    assert [reader.name for reader in readers] == [APRILTAG, APRILTAG_FINE]
+    assert list(missing) == [QR]
+    assert 'apt install libzbar0' in missing[QR]
 
 
-def test_an_object_a_drone_and_a_robot_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(landmark_parts, 'FLIGHT_S', 10.0)
-    rng = np.random.default_rng(1)
-    tilt_deg, errors_m = tilt_trial(math.radians(15), rng), room_trial(rng)
-    assert tilt_deg is not None
-    sight_deg, fixed_deg = tilt_deg
-    assert sight_deg < 2
-    assert fixed_deg < 20
-    assert np.linalg.norm(errors_m[-1][:2]) < 0.1
-    assert np.median([one.position_m for one in drone_trial(rng)[3:]]) < 0.05
+class Liar(AprilTagReader):
+    """Reads another ID than is there."""
+
+    def read(self, picture: Any, centre_px: Any, size_m: float) -> Any:
+        (seen,) = super().read(picture, centre_px, size_m)
+        return [seen._replace(id=seen.id + 1)]
+
+
+def test_right_and_wrong_ids_are_counted(rng: np.random.Generator) -> None:
+    liar = Liar('liar', 2.0)
+    results = read_pictures([*READERS.values(), liar], camera.Background(rng), 4, rng, View(0.6))
+    for name in READERS:
+        found = results[name]
+        assert (found['right']['hits'], found['wrong']['hits']) == (4, 0)
+        assert found['error_mm'] is not None
+        assert found['error_mm']['largest'] < 6
+    found = results[liar.name]
+    assert (found['right']['hits'], found['wrong']['hits']) == (0, 4)
+    assert found['error_mm'] is None
+
+
+@pytest.mark.parametrize(
+    ('view', 'hits'),
+    [
+        (View(1.0), 5),
+        (View(1.0, lux=0.01), 0),
+        (View(1.0, yaw_deg=85), 0),
+        (View(1.0, pitch_deg=85), 0),
+        (View(1.0, speed_m_s=0.6), 0),
+    ],
+)
+def test_tags_end_dark_turned_and_blurred(view: View, hits: int, rng: np.random.Generator) -> None:
+    results = read_pictures([READERS[APRILTAG]], camera.Background(rng), 5, rng, view)
+    assert results[APRILTAG]['right']['hits'] == hits

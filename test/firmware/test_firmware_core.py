@@ -94,29 +94,6 @@ def test_all_packets_are_those_of_the_code_and_reserved_ids_are_not_usable(core:
     assert usable == set(range(IDS)) - set(RESERVED_IDS)
 
 
-def test_the_command_that_sets_an_id(core: Core) -> None:
-    good = {'id 2073': 2073, 'id 1': 1, 'id 0007': 7, 'id 4094': 4094}
-    more = ('id 4294967303', 'id 99999999999999999999999')  # the first is 7 modulo 2^32
-    bad = ('id 4095', 'id 0', 'id', 'id ', '', 'ID 7', 'id 7x', 'id -7', *more)
-    for line, wanted in {**good, **dict.fromkeys(bad, 0)}.items():
-        assert core.lib.rl_command_id(line.encode()) == wanted, line
-
-
-def test_lines_are_put_together_and_only_whole_commands_are_obeyed(core: Core) -> None:
-    line = core.ffi.new('struct rl_line *')
-    said = 'identify\r\n\nstart\nstop\rreset\nstarts\nsto\n\xff\nidentify now\nSTOP\n'
-    said += 99 * 'x' + '\n'
-    lines = [
-        core.ffi.string(line.text)
-        for byte in said.encode('latin-1')
-        if core.lib.rl_line_take(line, bytes([byte]))
-    ]
-    commands = [core.lib.rl_command_of(one) for one in lines]
-    names = ('IDENTIFY', 'START', 'STOP', 'RESET')
-    assert commands == [*(getattr(core.lib, f'RL_{name}') for name in names), *[0] * 6]
-    assert lines[4:] == [b'starts', b'sto', b'\xff', b'identify now', b'STOP', b'?' + b'x' * 14]
-
-
 # --- Wire
 
 

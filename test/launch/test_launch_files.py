@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each launch file, with the assertions that test/nodes makes of plain processes."""
 
+import os
+import signal
 import sys
 import tempfile
 import time
 import unittest
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -17,8 +20,9 @@ pytest.importorskip('launch_testing', reason='needs launch_testing, which has no
 
 import launch_testing
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from std_msgs.msg import Bool
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from launch_ros.actions import PushRosNamespace
+from std_msgs.msg import Bool, String
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -41,12 +45,14 @@ from harness_launch import (
     included,
     launched,
     observer_in,
+    processes,
 )
 from harness_observer import RELIABLE, values_of
 from harness_tasks import SENSOR_VIEW, check_coffee, check_landmarks, deviation_m, squared
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import to_ns, vector_of
+from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
@@ -56,6 +62,9 @@ IDS = {marker.id for marker in COFFEE.markers}
 SERVER = '127.0.0.1:11899'
 SIDES = ('left', 'right')
 HALL = {'left': IDS, 'right': {2127}}
+ARM = load_scene('arm')
+ROBOTS = ('robot1', 'robot2')  # in one domain
+WANTED_M = 0.01
 
 
 def directory():
@@ -64,6 +73,11 @@ def directory():
 
 PORTS, SAVED, OWN = directory(), directory() / 'room.yaml', directory() / 'parameters.yaml'
 IMPATIENT = directory() / 'impatient.yaml'
+QUALITIES = directory() / 'qualities.yaml'
+QUALITIES.write_text(
+    '/**:\n  ros__parameters:\n'
+    '    qos_overrides./launched/robot1/points.publisher.reliability: best_effort\n'
+)
 OWN.write_text('/**/driver:\n  ros__parameters:\n    frame_id: gripper_lidar\n')
 OVERDUE_AFTER_S = 2.0
 LATENESS_S = 3.0  # of the node, which looks at the time ten times a second, on a busy machine
@@ -167,6 +181,77 @@ def check_hall(observer):
         assert observer.spin_until(lambda: read() == HALL, PATIENCE_S), read()
 
 
+ROBOT = {
+    'emulate': 'coffee',
+    'params_file': str(QUALITIES),
+    'respawn_delay': '0.5',
+    'log_level': 'warn',
+}
+
+
+def check_robot(observer, nodes, reliability):
+    """Each is read by itself, qualities of service are its own, and what is killed comes again."""
+    wait_for_traffic(observer)
+    wait_for_readings(observer, IDS)
+    check_detections(observer, COFFEE, 'retrolidar_optical_frame')
+    (found,) = observer.node.get_publishers_info_by_topic(f'{observer.namespace}/points')
+    assert found.qos_profile.reliability.name == reliability
+    for node in nodes:
+        own = (f'/retrolidar_ros/{node}\0', f'__ns:={observer.namespace}\0')
+        (pid,) = (pid for pid, line in processes() if all(part in line for part in own))
+        os.kill(pid, signal.SIGKILL)
+        killed_ns = time.time_ns()
+
+        def read_since(since_ns=killed_ns):
+            # What was read before may still come.
+            return {one.id for one, _ in observer.markers if to_ns(one.start) > since_ns}
+
+        observer.wait(lambda read=read_since: read() >= IDS, node)
+
+
+def check_arm(observer, node):
+    """All objects get to a centimetre within a minute, and are where they are."""
+    truth = {one.name: IN_BASE @ np.array(one.position_m) for one in ARM.markers}
+    poses = {
+        name: observer.collect(PoseWithCovarianceStamped, f'{node}/objects/{name}')
+        for name in truth
+    }
+
+    def are_known():
+        spread = [deviation_m(one[-1]) for one in poses.values() if one]
+        return len(spread) == len(truth) and max(spread) <= WANTED_M
+
+    observer.wait(are_known, 'objects that are known to a centimetre')
+    for name, came in poses.items():
+        assert came[-1].header.frame_id == 'base_link'
+        assert squared(came[-1], truth[name]) < MAX_MAHALANOBIS, name
+
+
+def check_arm_of_coffee(observer):
+    ready = observer.collect(Bool, 'coffee/ready')
+    views = observer.collect(PoseStamped, 'coffee/next_view')
+    missing = observer.collect(String, 'coffee/missing')
+    check_arm(observer, 'coffee')
+    observer.wait(lambda: ready[-1].data and not missing[-1].data, 'coffee that is ready')
+    assert views
+    # The reach is around the place of the first reading; the arm does not stand there.
+    first_ns = to_ns(views[0].header.stamp)
+    places = np.array(
+        [
+            vector_of(one.transform.translation)
+            for one in observer.transforms
+            if one.child_frame_id == 'retrolidar_optical_frame'
+            and to_ns(one.header.stamp) <= first_ns
+        ]
+    )
+    for view in views:
+        assert view.header.frame_id == 'base_link'
+        apart_m = np.linalg.norm(vector_of(view.pose.position) - places, axis=1)
+        assert apart_m.min() < 0.5 + 0.02
+    stamps = np.array([one.header.stamp.sec for one in views])
+    assert len(views) < 12, stamps  # not with every reading
+
+
 CASES = {
     'sensor': ('retrolidar', {'serial_port': str(PORTS / 'port')}, check_sensor),
     'emulated': (
@@ -206,10 +291,22 @@ CASES = {
             'server': SERVER,
             'ports': str([str(PORTS / name) for name in HALL]),
             'names': str(list(HALL)),
-            'markers': '/launched_hall/markers',
+            'markers': '/launched/hall/markers',
         },
         check_hall,
     ),
+    'robot1': (
+        'retrolidar',
+        ROBOT,
+        partial(check_robot, nodes=('detector', 'driver'), reliability='BEST_EFFORT'),
+    ),
+    'robot2': (
+        'retrolidar',
+        {**ROBOT, 'single_process': 'true'},
+        partial(check_robot, nodes=('reader',), reliability='RELIABLE'),
+    ),
+    'arm': ('landmarks', {'emulate': 'arm'}, lambda observer: check_arm(observer, 'landmarks')),
+    'arm_of_coffee': ('coffee', {'emulate': 'arm'}, check_arm_of_coffee),
 }
 """A launch file, its arguments, and what is checked."""
 
@@ -218,11 +315,15 @@ GROUPS = {
     'plugged_sensor': ['sensor'],
     'one_sensor': ['drone', 'landmarks', 'emulated'],
     'objects': ['coffee', 'two_sensors'],
+    'robots': [*ROBOTS],
+    'arms': ['arm', 'arm_of_coffee'],  # which reach their goals by themselves
+    # Last: a process that has used a discovery server does not discover others without one.
     'many_sensors': ['three_sensors', 'hall'],
 }
 """What is launched at the same time; stamps are checked where nothing else starts."""
 assert sorted(chain.from_iterable(GROUPS.values())) == sorted(CASES)
 DOMAINS = {case: domain_of(index) for index, case in enumerate(CASES)}
+DOMAINS |= dict.fromkeys(ROBOTS, DOMAINS[ROBOTS[0]])
 
 
 @pytest.mark.launch_test
@@ -231,8 +332,8 @@ def generate_test_description(group):
     actions = []
     for case in GROUPS[group]:
         name, arguments, _ = CASES[case]
-        action = included(name, namespace=f'launched_{case}', **arguments)
-        actions.append(in_domain(DOMAINS[case], action))
+        action = included(name, namespace=case, **arguments)
+        actions.append(in_domain(DOMAINS[case], PushRosNamespace('launched'), action))
     return launched(*actions)
 
 
@@ -243,14 +344,14 @@ class TestLaunchFiles(unittest.TestCase):
         observers = {}
         for case in GROUPS[group]:
             server = {'ROS_DISCOVERY_SERVER': SERVER} if case == 'hall' else {}
-            observers[case] = observer_in(DOMAINS[case], f'/launched_{case}', **server)
+            observers[case] = observer_in(DOMAINS[case], f'/launched/{case}', **server)
             self.addCleanup(observers[case].close)
         check_at_once(self, {case: CASES[case][-1] for case in observers}, observers)
 
 
 @launch_testing.post_shutdown_test()
 class TestEnd(unittest.TestCase):
-    """All processes end in order."""
+    """All processes end in order, but for those that were killed."""
 
-    def test_exit_codes(self, proc_info):
-        check_exit_codes(proc_info)
+    def test_exit_codes(self, proc_info, group):
+        check_exit_codes(proc_info, *([-signal.SIGKILL] if group == 'robots' else []))

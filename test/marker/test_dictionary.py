@@ -102,15 +102,6 @@ def test_a_choice_is_the_same_every_time_and_begins_a_larger_one(min_distance: i
     assert choose_ids(20)[0][:8].tolist() == [2061, 2073, 2816, 2865, 2127, 2150, 2115, 2528]
 
 
-def test_a_duplicate_is_a_pair_at_distance_zero_and_named_once() -> None:
-    for wrong in ([], 7, [[7]]):
-        with pytest.raises(ValueError, match='one or more marker IDs in a list are wanted'):
-            distances(wrong)
-    assert distances([77, 78, 77])[0, 2] == 0
-    own = confusable_pairs([77, 78], 31)
-    assert confusable_pairs([77, 78, 77, 77], 31) == [ConfusablePair(77, 77, 0, 0), *own]
-
-
 def test_the_command_prints_ids_that_it_finds_good(capsys: Output) -> None:
     assert main(['ids', '--count', '20']) == 0
     output = capsys.readouterr()

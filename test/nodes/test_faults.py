@@ -1,25 +1,33 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What goes wrong on robots, what each of it costs, and that nothing else is lost."""
+"""What driver and detector report, what goes wrong on robots, and that nothing else is lost."""
 
+import os
+import signal
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import PATIENCE_S, Sensor, check_stamps
-from harness_nodes import COFFEE_IDS, System, in_this_process, running
+from harness import PATIENCE_S, Sensor, check_detections, check_frames, check_stamps
+from harness_nodes import COFFEE_IDS, FRAME_ID, System, in_this_process, running
 from harness_observer import values_of
+from lifecycle_msgs.msg import Transition
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.msg import MarkerDetection
+from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns, to_time
+from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.wire import encode_frame
@@ -27,6 +35,9 @@ from retrolidar_ros.sensor.wire import encode_frame
 RECONNECT_S = 6.0  # two of the source, and the rest for a machine that is busy
 DELAY_NS = 10_500_000  # from the middle of an exposure to the arrival of its frame
 DRIVER, DETECTOR = 'driver: frames', 'detector: markers'
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
+SCENE = load_scene('coffee')
 
 
 @dataclass
@@ -53,15 +64,128 @@ class Chain:
 
 @pytest.fixture(scope='module')
 def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
-    with (
-        running(tmp_path_factory.mktemp('faults'), '/faults') as system,
-        Sensor(load_scene('coffee'), system.port) as sensor,
-    ):
-        chain = Chain(system, sensor)
+    """Start the nodes, and then plug in a sensor."""
+    with running(tmp_path_factory.mktemp('faults'), '/faults') as system:
+        chain = Chain(system, Sensor(SCENE, system.port))
         chain.start('driver')
         chain.start('detector')
-        system.read_all()
-        yield chain
+        system.wait(lambda: {DRIVER, DETECTOR} <= set(system.statuses), 'both nodes')
+        with chain.sensor:
+            system.read_all()
+            yield chain
+
+
+def test_markers_are_read_and_placed(chain: Chain) -> None:
+    system, sensor = chain.system, chain.sensor
+    first = system.statuses[DRIVER][0]
+    assert (first.level, 'port does not exist' in first.message) == (ERROR, True)
+    first = system.statuses[DETECTOR][0]
+    assert (first.level, first.message) == (WARN, 'no frame has come yet')
+    check_frames(system, sensor, FRAME_ID)
+    check_detections(system, SCENE, FRAME_ID)
+    system.wait_for_status(DRIVER, OK, 'frames a second')
+    values = values_of(system.wait_for_status(DETECTOR, OK, 'packets accepted'))
+    assert values['method'] == 'joint'
+    assert int(values['frames']) > 20
+    assert 3 <= int(values['accepted']) <= int(values['candidates'])
+    # What is left over of packets that are subtracted may stand out a little.
+    rejected = {key for key in values if key.startswith('rejected: ')}
+    assert rejected <= {'rejected: evidence'}, values
+
+
+def test_transforms_go_out_before_what_they_belong_to(chain: Chain) -> None:
+    """By the times at which they were sent: on the way, one topic may still overtake another."""
+    system = chain.system
+    sent: dict[str, dict[int, int]] = {'transforms': {}, 'markers': {}}
+
+    def take_transforms(message: TFMessage, info: dict[str, int]) -> None:
+        for one in message.transforms:
+            sent['transforms'][to_ns(one.header.stamp)] = info['source_timestamp']
+
+    def take_marker(message: MarkerDetection, info: dict[str, int]) -> None:
+        sent['markers'][to_ns(message.header.stamp)] = info['source_timestamp']
+
+    topic = f'{system.namespace}/markers'
+    both = [
+        system.node.create_subscription(TFMessage, '/tf', cast(Any, take_transforms), 100),
+        system.node.create_subscription(MarkerDetection, topic, cast(Any, take_marker), 100),
+    ]
+    system.wait(lambda: len(sent['transforms'].keys() & sent['markers'].keys()) > 5, 'readings')
+    for one in both:
+        system.node.destroy_subscription(one)
+    for stamp_ns in sent['transforms'].keys() & sent['markers'].keys():
+        assert sent['transforms'][stamp_ns] < sent['markers'][stamp_ns]
+
+
+def test_a_heartbeat_is_of_the_last_frame_that_was_judged(chain: Chain) -> None:
+    system, sensor = chain.system, chain.sensor
+    system.wait_for_frames(len(system.frames))
+    with system.subscribed(Header, 'detector/heartbeat') as beats:
+        system.wait(lambda: len(beats) > 5, 'heartbeats')
+        stamps = [to_ns(beat.stamp) for beat in beats]
+        assert stamps == sorted(set(stamps))
+        assert {beat.frame_id for beat in beats} == {FRAME_ID}
+        # Of two topics, either message may be heard first.
+        system.wait(
+            lambda: set(stamps) <= {to_ns(message.header.stamp) for message, _ in system.frames},
+            'the frames of heartbeats',
+        )
+        sensor.pull()
+        system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
+        silent = len(beats)
+        system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
+        assert len(beats) == silent
+        sensor.plug()
+        system.wait(lambda: len(beats) > silent, 'a heartbeat')
+
+
+def test_frames_that_a_driver_does_not_send_are_not_lost(chain: Chain) -> None:
+    system = chain.system
+    change_state = system.services.change_state
+    assert not change_state('driver', Transition.TRANSITION_CONFIGURE)  # and it lives on
+    lost, seen = system.number(DETECTOR, 'lost frames'), len(system.statuses[DETECTOR])
+    assert change_state('driver', Transition.TRANSITION_DEACTIVATE)
+    system.pass_time(1.5)
+    assert change_state('driver', Transition.TRANSITION_ACTIVATE)
+    system.wait_for_status(DETECTOR, WARN, 'frames were not sent')
+    system.wait_for_status(DETECTOR, OK, 'accepted')
+    assert not any('were lost' in status.message for status in system.statuses[DETECTOR][seen:])
+    assert system.number(DETECTOR, 'lost frames') == lost
+
+
+def test_a_detector_that_stands_still_is_reported_and_loses_nothing(chain: Chain) -> None:
+    system = chain.system
+    pid = system.processes.pid('detector')
+    lost, seen = system.number(DETECTOR, 'lost frames'), len(system.statuses[DETECTOR])
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        system.wait_for_status(DRIVER, WARN, 'the detector has judged no frame for', 2.5)
+        system.pass_time(1.5)
+        assert len(system.statuses[DETECTOR]) <= seen + 1  # nobody speaks in its name
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    system.wait_for_status(DETECTOR, OK, 'accepted')
+    assert system.number(DETECTOR, 'lost frames') == lost
+    system.wait_for_status(DRIVER, OK, 'frames a second')
+
+
+def test_two_senders_of_one_frame_id_are_an_error_that_names_them(chain: Chain) -> None:
+    system = chain.system
+    publisher = system.node.create_publisher(FrameMsg, 'frames', 10)
+    frames = iter(Simulation(SCENE).run(60.0))
+
+    def send() -> None:
+        frame = replace(next(frames), stamp_ns=system.node.get_clock().now().nanoseconds)
+        publisher.publish(to_frame_msg(frame, FRAME_ID))
+
+    timer = system.node.create_timer(0.021, send)
+    try:
+        status = system.wait_for_status(DETECTOR, ERROR, 'come mixed by')
+        assert '/faults/driver, /faults/listener' in status.message
+    finally:
+        system.node.destroy_timer(timer)
+        system.node.destroy_publisher(publisher)
+    system.wait_for_status(DETECTOR, OK, 'accepted')
 
 
 def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Chain) -> None:
@@ -74,8 +198,8 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     system.pass_time(3.5)
     assert len(system.frames) - frames < 80
     levels = [status.level for status in system.statuses[DRIVER][before + 1 :]]
-    assert levels.count(DiagnosticStatus.ERROR) >= 2
-    assert system.statuses[DETECTOR][-1].level == DiagnosticStatus.STALE
+    assert levels.count(ERROR) >= 2
+    assert system.statuses[DETECTOR][-1].level == STALE
     chain.sensor.plug()
     back = len(system.frames)
     assert system.spin_until(lambda: len(system.frames) > back, RECONNECT_S)
@@ -130,7 +254,7 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
     sensor.corrupt_share = 0.3
     system.read_all()  # even then
     sensor.corrupt_share = 0.0
-    system.wait_for_status(DRIVER, DiagnosticStatus.OK, 'frames a second')
+    system.wait_for_status(DRIVER, OK, 'frames a second')
 
 
 def test_half_of_the_frames_lost_are_counted_and_cost_time(chain: Chain) -> None:
@@ -171,7 +295,7 @@ def test_a_node_that_is_killed_costs_what_it_would_have_published(chain: Chain, 
     system.kill(node)
     killed = len(system.frames)
     if node == 'detector':
-        system.wait_for_status(DRIVER, DiagnosticStatus.WARN, 'has ended, or hangs', 3.0)
+        system.wait_for_status(DRIVER, WARN, 'has ended, or hangs', 3.0)
     else:
         system.pass_time(1.0)
     chain.start(node)
@@ -185,10 +309,31 @@ def test_a_node_that_is_killed_costs_what_it_would_have_published(chain: Chain, 
     system.read_all()
 
 
+def test_a_clock_that_does_not_begin_or_stops_is_an_error_of_both(tmp_path: Path) -> None:
+    with running(tmp_path, '/stopped') as system, Sensor(SCENE, system.port):
+        clock = system.node.create_publisher(Clock, '/stopped/clock', 10)
+        # Markers of their own: the other nodes of this module send transforms, too.
+        remapped = ('-r', '/clock:=/stopped/clock', '-p', 'frame_prefix:=stopped/')
+        system.start('driver', *remapped, serial_port=system.port, use_sim_time='true')
+        system.start('detector', *remapped, use_sim_time='true')
+        system.wait_for_status(DRIVER, ERROR, 'nobody publishes /clock')
+
+        def tick() -> None:
+            clock.publish(Clock(clock=to_time(time.time_ns())))
+
+        timer = system.node.create_timer(0.01, tick)
+        system.wait_for_status(DRIVER, OK, 'frames a second')
+        system.wait_for_status(DETECTOR, OK, 'accepted')
+        system.node.destroy_timer(timer)
+        system.wait_for_status(DRIVER, ERROR, 'the stamps stand still')
+        system.wait_for_status(DETECTOR, ERROR, 'the stamps of frames stand still')
+        assert not any('hangs' in one.message for one in system.statuses[DRIVER])
+
+
 def test_a_host_clock_that_is_set_costs_no_frame(tmp_path: Path) -> None:
     """The clock is that of ROS: this test sets it before each frame, and waits for the frame."""
     # In no time: the time at which frames are sent is simulated, too.
-    exposed = frames_in_real_time(load_scene('coffee'), None, 10**18, lambda: 2 * 10**18)
+    exposed = frames_in_real_time(SCENE, None, 10**18, lambda: 2 * 10**18)
     with (
         running(tmp_path, '/stepped') as system,
         PortLink(system.port) as port,

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import record
 from evaluation.bench.stresses import PLAIN
-from evaluation.experiments.marker import WITH_LIDAR_V
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.marker.wakeup import (
@@ -91,14 +90,6 @@ ANGLES_RAD = st.floats(0, LARGEST_ANGLE_RAD)
 NOISES_V = st.sampled_from(sorted(NOISE_V.values()))
 
 
-def test_the_model_has_too_much_light_rather_than_too_little() -> None:
-    at_1_m = float(voltage_v(np.array(1.0)))
-    assert at_1_m == pytest.approx(WITH_LIDAR_V, rel=0.05)
-    assert at_1_m > WITH_LIDAR_V
-    # Had voltages been added, the guard would be all the light there is at 2.25 m.
-    assert NOISE_V['indoors'] + GUARD_V * 2.25**2 < 0.7 * WITH_LIDAR_V
-
-
 def test_outdoors_the_indoor_threshold_keeps_the_marker_awake() -> None:
     assert wakeup_range_m(THRESHOLD_V, NOISE_V['outdoors']) == math.inf
     outdoors = wakeup_range_m(NOISE_V['outdoors'] + GUARD_V, NOISE_V['outdoors'])
@@ -113,12 +104,6 @@ def test_beyond_the_largest_angle_there_is_noise_only() -> None:
         assert float(voltage_v(np.array(0.3), angle)) == NOISE_V['indoors']
         assert wakeup_range_m(angle_rad=angle) == 0
     assert float(light_v(np.array(1.0), math.radians(54.9))) > 0
-
-
-@given(RANGES_M, RANGES_M, ANGLES_RAD)
-def test_light_falls_with_the_square_of_the_distance(first: float, second: float, a: float) -> None:
-    ratio = float(light_v(np.array(first), a) / light_v(np.array(second), a))
-    assert ratio == pytest.approx((second / first) ** 2)
 
 
 @given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))

@@ -167,16 +167,6 @@ def read_raw(descriptor: int, reader: FrameReader, count: int) -> list[Frame]:
     return frames
 
 
-def test_all_bytes_pass_unchanged(link: Path) -> None:
-    data, read = bytes(range(256)) * 4, b''
-    # Not even a reader that leaves the terminal as it is gets lines, echoes or signals.
-    with PortLink(link) as port, raw_reader(link) as descriptor:
-        assert port.write(data)
-        while len(read) < len(data) and select.select([descriptor], [], [], 1)[0]:
-            read += os.read(descriptor, 65536)
-    assert read == data
-
-
 def test_the_link_is_there_as_long_as_the_port(link: Path) -> None:
     with suppress(KeyboardInterrupt), PortLink(link):
         assert link.is_symlink()

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from queue import Queue
-from threading import Event, active_count
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,7 @@ from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.emulator import PortLink
 from retrolidar_ros.sensor import serial_source
-from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.sensor.serial_source import SerialSource, explain, in_background
+from retrolidar_ros.sensor.serial_source import SerialSource, explain
 from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
@@ -118,24 +116,6 @@ def test_a_port_that_comes_back_is_read_within_two_seconds(link: Path, read: Rea
     assert reading.source.openings == 2
 
 
-def test_a_source_in_the_background_ends_with_its_block_and_reports_no_loss_then(
-    link: Path,
-) -> None:
-    reports: Queue[str] = Queue()
-    port, before = PortLink(link), active_count()
-    source = SerialSource(str(link), 115200, FrameReader())
-    with in_background(source, reports.put) as take_until:
-        assert active_count() == before + 1
-        assert take_until(time.monotonic()) is None
-        assert reports.get(timeout=10) == f'reading {link}'
-        port.close()
-        while source.is_open:
-            time.sleep(0.001)
-    assert active_count() == before
-    assert 'was lost' in source.problem
-    assert reports.empty()
-
-
 @pytest.mark.usefixtures('soon')
 def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read: Read) -> None:
     with PortLink(link):
@@ -193,23 +173,6 @@ def test_what_is_raised_is_said_and_a_reason_to_try_again(
         wanted = said.replace('$', r'\$').format(link.group(), link)
         assert re.fullmatch(f'{wanted}.*; retrying', reading.report())
         assert reading.report() == f'reading {link}'
-
-
-def test_an_error_of_the_taker_is_not_hidden(link: Path) -> None:
-    source = SerialSource(str(link), 115200, FrameReader())
-
-    def take(frames: list[Frame], arrival_ns: int) -> None:
-        raise ValueError('taken wrongly')
-
-    with PortLink(link) as port:
-
-        def report(line: str) -> None:
-            assert line == f'reading {link}'
-            assert port.write(PACKETS[0])
-
-        with pytest.raises(ValueError, match='taken wrongly'):
-            source.run(take, report, Event())
-    assert not source.is_open
 
 
 @pytest.mark.parametrize('sent', [b'', b''.join(PACKETS)])

@@ -9,8 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retrolidar_ros.detector.place import largest_stddev
-from retrolidar_ros.sensor.rotation import matrix_of
 from retrolidar_ros.tasks.heartbeat import WINDOW_S, Heartbeat
 from retrolidar_ros.tasks.objects import ObjectBoard
 
@@ -71,13 +69,6 @@ def test_an_uncertain_place_is_missing_until_it_is_seen_better() -> None:
     assert set(board.missing(2 * S)) == set(NAMES)
     # Stale goes before uncertain.
     assert board.missing(20 * S)['mug'] == 'was last seen 18 s ago'
-
-
-def test_the_largest_deviation_of_any_axes() -> None:
-    turn = matrix_of(np.array([0.3, -0.5, 0.1, 0.8]))
-    covariance = turn @ np.diag([4.0, 9.0, 1.0]) @ turn.T
-    assert largest_stddev(covariance) == pytest.approx(3.0)
-    assert largest_stddev(np.diag([-1e-20, -1e-20, -1e-20])) == 0
 
 
 @given(st.permutations(range(5)), st.integers(0, 20))

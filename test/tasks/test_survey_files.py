@@ -14,8 +14,7 @@ from harness_readings import HERE, estimate_of, mapped
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.yaml_files import MAX_BYTES
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors
-from retrolidar_ros.tasks.state import Prior, State
+from retrolidar_ros.tasks.reading import Errors, Prior, State
 from retrolidar_ros.tasks.survey import MAX_LANDMARKS
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 

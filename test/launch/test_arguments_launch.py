@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Impossible launch arguments: the launch ends, names them, and leaves no process behind."""
+"""Impossible launch arguments: the launch ends and names them; and what RViz is given."""
 
 import os
 import signal
@@ -9,21 +9,27 @@ import sys
 import tempfile
 import unittest
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
+import yaml
 
 pytest.importorskip('launch_testing', reason='needs launch_testing, which has no wheel')
 
 import launch_testing.actions
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.launch_description_sources import get_launch_description_from_any_launch_file
+from launch.utilities import perform_substitutions
+from launch_ros.actions import Node
 from launch_testing.util import KeepAliveProc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness_launch import SCRIPT
+from harness_launch import SCRIPT, processes
 from harness_observer import Observer
+
+from retrolidar_ros.settings.resources import shared_file
 
 NAMESPACE = f'wrongly_launched_{os.getpid()}_'
 EMPTY = Path(tempfile.mkdtemp(), 'empty_section.yaml')
@@ -44,17 +50,41 @@ def generate_test_description():
     return LaunchDescription([KeepAliveProc(), launch_testing.actions.ReadyToTest()])
 
 
-def commands():
-    """Yield the command lines of all processes there are."""
-    for file in Path('/proc').glob('[0-9]*/cmdline'):
-        with suppress(OSError):
-            yield file.read_text()
+def pretend_that_rviz_is_installed():
+    """Make a package `rviz2` that is found in this process."""
+    directory = Path(tempfile.mkdtemp(prefix='retrolidar_'))
+    index = directory / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'rviz2'
+    executable = directory / 'lib' / 'rviz2' / 'rviz2'
+    for path in (index, executable):
+        path.parent.mkdir(parents=True)
+        path.touch(0o755)
+    return patch.dict(
+        os.environ, {'AMENT_PREFIX_PATH': f'{directory}:{os.environ["AMENT_PREFIX_PATH"]}'}
+    )
 
 
-class TestWrongArguments(unittest.TestCase):
-    """One in each launch, where the rest is right."""
+def topics_of(file):
+    displays = yaml.safe_load(file.read_text())['Visualization Manager']['Displays']
+    places = [one.get('Topic', one.get('Description Topic', {})) for one in displays]
+    return {place['Value'] for place in places if place}
 
-    def test_all(self):
+
+def shown_by(name, **arguments):
+    """Return the file that a launch file has RViz show; nothing is started."""
+    file = str(shared_file(f'launch/{name}.launch.py'))
+    context = LaunchContext()
+    context.launch_configurations.update(arguments, rviz='true')
+    entities = get_launch_description_from_any_launch_file(file).entities
+    actions = [action for one in entities for action in one.execute(context) or []]
+    (rviz,) = [one for one in actions if isinstance(one, Node) and one.node_executable == 'rviz2']
+    words = [perform_substitutions(context, part) for part in rviz.cmd]
+    return Path(words[words.index('-d') + 1])
+
+
+class TestArguments(unittest.TestCase):
+    """One that is wrong in each launch, where the rest is right; and `rviz`."""
+
+    def test_wrong_ones_are_named_and_leave_no_process_behind(self):
         right = {
             'two_sensors': ['left_emulate:=coffee', 'right_emulate:=coffee'],
             'drone': ['emulate:=drone', 'sensors:=3'],
@@ -76,7 +106,7 @@ class TestWrongArguments(unittest.TestCase):
                 assert result.returncode == 1, output
                 assert argument.partition(':=')[2] in output
                 assert 'process started' not in output
-        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
+        assert not [line for _, line in processes() if f'__ns:=/{NAMESPACE}' in line]
 
     def test_a_misconfigured_node_is_not_started_again(self):
         """The others go on, until the launch is interrupted."""
@@ -94,4 +124,20 @@ class TestWrongArguments(unittest.TestCase):
         launch.send_signal(signal.SIGINT)
         output = ''.join([*lines, launch.communicate(timeout=60)[0]])
         assert output.count('FATAL') == output.count(told) == 1, output
-        assert not [line for line in commands() if f'__ns:=/{NAMESPACE}' in line]
+        assert not [line for _, line in processes() if f'__ns:=/{NAMESPACE}' in line]
+
+    def test_every_launch_file_shows_its_topics_in_its_frame(self):
+        of_sensor = {'points', 'marker_array', 'signal_image'}
+        both = {f'{side}/{one}' for side in ('left', 'right') for one in of_sensor}
+        arm = {*of_sensor, 'robot_description'}
+        for name, arguments, topics, frame in (
+            ('retrolidar', {'frame_id': 'gripper'}, of_sensor, 'gripper'),
+            ('coffee', {'emulate': 'arm'}, arm, 'base_link'),
+            ('landmarks', {}, {*arm, 'landmarks/marker_array'}, 'base_link'),
+            ('two_sensors', {}, both, 'left_optical_frame'),
+            ('hall', {'ports': '[/a, /b]', 'names': '[left, right]'}, both, 'left_optical_frame'),
+        ):
+            with self.subTest(name=name), pretend_that_rviz_is_installed():
+                file = shown_by(name, namespace='shown', **arguments)
+                assert topics_of(file) == {f'/shown/{one}' for one in topics}
+                assert f'Fixed Frame: {frame}\n' in file.read_text()
