@@ -42,7 +42,7 @@ RANGE_M = 2.0
 TALKING = (0, 6, 11)
 GRIDS = (ZoneGrid(4, 4), ZoneGrid(8, 8))
 FRAMES = 2000  # four times what eight packets take
-REPEATS = 2
+REPEATS = 6
 
 
 def recording(grid: ZoneGrid, talking: int) -> Recording:
