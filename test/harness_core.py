@@ -152,12 +152,12 @@ class Statistics:
     def column(self, source: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return signal and validity of the target in question."""
         count, room = self.samples.count, self.ffi.addressof(self.window, 'room')
-        seen = self.lib.rl_target_column(self.samples, source, 0, count, room)
+        seen = self.lib.rl_target_column(self.samples, source, 0, count, False, room)
         return self.numpy(seen.signal, count, 'float'), self.numpy(seen.valid, count, 'uint8_t') > 0
 
     def open(self, from_s: float, to_s: float, source: int) -> tuple[float, slice]:
         """Open a window; return its log likelihood without a packet, and its rows."""
-        self.lib.rl_window_open(self.window, source, from_s, to_s)
+        self.lib.rl_window_open(self.window, source, False, from_s, to_s)
         return self.window.whitened.null, self.opened()
 
     def opened(self) -> slice:

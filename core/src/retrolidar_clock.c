@@ -155,7 +155,7 @@ double rl_clock_period_excess(struct rl_window *window, const struct rl_transmis
     const double bit_rows = transmission->bit_s / samples->period_s;
     const double packet_rows = RL_PACKET_BITS * bit_rows;
     const struct rl_column column =
-        rl_target_column(samples, window->channel, oldest, rows, &window->room);
+        rl_target_column(samples, window->channel, oldest, rows, window->is_dimmer, &window->room);
     float *signal = window->room.signal;
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     const int block = (int)packet_rows + 1;

@@ -62,9 +62,9 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     if (begin_s - from_s < RL_LOOK_BITS * bit_s) {
         return true;
     }
-    rl_window_open(window, verdict->channel, from_s, judged->to_s);
+    rl_window_open(window, verdict->channel, verdict->is_dimmer, from_s, judged->to_s);
     const double longer = rl_window_try(window, &verdict->transmission) - window->whitened.null;
-    rl_window_open(window, verdict->channel, begin_s, judged->to_s);
+    rl_window_open(window, verdict->channel, verdict->is_dimmer, begin_s, judged->to_s);
     rl_window_try(window, &verdict->transmission);
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }

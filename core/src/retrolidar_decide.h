@@ -45,6 +45,7 @@ struct rl_verdict {
     int channel, packets; /* that the window holds */
     uint16_t id;
     struct rl_transmission transmission;
+    bool is_dimmer;                /* whether it is of the dimmer target, if the zone has two */
     int reason;                    /* why it is rejected, or RL_READ */
     double evidence, word, margin; /* [nats], as far as it came */
     double begin_s, end_s;         /* of what was used */

@@ -42,6 +42,7 @@ struct rl_placement {
 struct rl_reading {
     uint16_t id;
     bool repeats;
+    bool is_dimmer; /* whether it is of the dimmer target, if its zone has two */
     int32_t packets;                      /* combined */
     double start_s, bit_s;   /* of what is sent [s] */
     double begin_s, end_s;   /* of the samples that were used [s] */

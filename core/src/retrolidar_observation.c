@@ -19,8 +19,8 @@ static double half_bits_of(const struct rl_case *judged)
 static double open_lone(struct rl_case *judged, struct rl_transmission *lone, double silence_s)
 {
     struct rl_window *window = judged->window;
-    rl_window_open(window, judged->verdict.channel, lone->start_s - silence_s,
-                   lone->start_s + RL_PACKET_BITS * lone->bit_s);
+    rl_window_open(window, judged->verdict.channel, judged->verdict.is_dimmer,
+                   lone->start_s - silence_s, lone->start_s + RL_PACKET_BITS * lone->bit_s);
     return rl_window_refine(window, lone, RL_PACKET_BITS / 2.0) - window->whitened.null;
 }
 
@@ -43,16 +43,18 @@ static double open_best(struct rl_case *judged, struct rl_transmission *lone)
     return open_lone(judged, lone, 0.0);
 }
 
-void rl_observation_open(struct rl_case *judged)
+/* Open the window of a packet, and refine it there. */
+static void open_target(struct rl_case *judged, bool is_dimmer)
 {
     struct rl_window *window = judged->window;
     struct rl_verdict *verdict = &judged->verdict;
     struct rl_transmission *transmission = &verdict->transmission;
     const int bits = RL_PACKET_BITS * verdict->packets;
+    verdict->is_dimmer = is_dimmer;
     judged->silent_bits = 0;
     if (transmission->repeats) {
         const double begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
-        rl_window_open(window, verdict->channel, begin_s, judged->to_s);
+        rl_window_open(window, verdict->channel, is_dimmer, begin_s, judged->to_s);
         verdict->evidence = rl_window_refine(window, transmission, half_bits_of(judged)) -
                             window->whitened.null;
         verdict->begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
@@ -62,8 +64,25 @@ void rl_observation_open(struct rl_case *judged)
         verdict->begin_s = transmission->start_s;
         verdict->end_s = transmission->start_s + bits * transmission->bit_s;
     }
+}
+
+void rl_observation_open(struct rl_case *judged)
+{
+    struct rl_verdict *verdict = &judged->verdict;
+    const struct rl_transmission found = verdict->transmission;
+    open_target(judged, false);
+    /* Of two targets, the marker is the one that the packet explains better. */
+    if (judged->window->column.is_parted) {
+        const double evidence = verdict->evidence;
+        verdict->transmission = found;
+        open_target(judged, true);
+        if (verdict->evidence <= evidence) {
+            verdict->transmission = found;
+            open_target(judged, false);
+        }
+    }
     judged->half_bits = half_bits_of(judged);
-    judged->own = verdict->evidence + window->whitened.null;
+    judged->own = verdict->evidence + judged->window->whitened.null;
 }
 
 bool rl_observation_is_erased(const struct rl_case *judged)

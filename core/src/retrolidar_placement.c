@@ -48,10 +48,12 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
 }
 
 /* Take the samples of a zone: of the target that may be the marker, where it sees several. */
-static void look_at(struct rl_detector *detector, struct rl_seen *seen, int first, int zone)
+static void look_at(struct rl_detector *detector, const struct rl_reading *reading,
+                    struct rl_seen *seen, int first, int zone)
 {
     const struct rl_column column =
-        rl_target_column(&detector->samples, zone, first, seen->rows, &detector->window.room);
+        rl_target_column(&detector->samples, zone, first, seen->rows, reading->is_dimmer,
+                         &detector->window.room);
     seen->valid = column.valid;
     seen->signal = column.signal;
     seen->distance = detector->samples.distance + rl_sample(&detector->samples, zone, first);
@@ -161,7 +163,7 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
     for (int i = 0; i < placement->zones; i++) {
         const int zone = placement->zone[i];
         struct rl_ranged ranged;
-        look_at(detector, seen, first, zone);
+        look_at(detector, reading, seen, first, zone);
         /* A distance is of all the light that comes back. */
         seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
         lay_others(detector, reading, zone, seen);
@@ -258,7 +260,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     int first;
     struct rl_seen seen = window_of(detector, reading, &first);
     for (int zone = 0; zone < samples->zones; zone++) {
-        look_at(detector, &seen, first, zone);
+        look_at(detector, reading, &seen, first, zone);
         lay_others(detector, reading, zone, &seen);
         fit_amplitude(&seen, zone, &amplitude);
     }
@@ -274,7 +276,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
                       strongest, amplitude.of, amplitude.variance, sensor->zone_blur);
-    look_at(detector, &seen, first, strongest);
+    look_at(detector, reading, &seen, first, strongest);
     placement->likelihood = likelihood_of(&seen, reading);
     placement->corrected_bits = corrected_bits(&seen, reading);
     int last = first + seen.rows - 1;

@@ -11,7 +11,7 @@
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
     window->reference = RL_NO_REFERENCE;
-    rl_window_open(window, zone, verdict->begin_s, verdict->end_s);
+    rl_window_open(window, zone, false, verdict->begin_s, verdict->end_s);
     const double price = rl_window_follow_gain(window, &verdict->transmission);
     const double likelihood = rl_window_try(window, &verdict->transmission);
     double mean = window->has_profile ? 0.0 : 1.0;
@@ -73,6 +73,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     *reading = (struct rl_reading){
         .id = verdict->id,
         .repeats = verdict->transmission.repeats,
+        .is_dimmer = verdict->is_dimmer,
         .packets = verdict->packets,
         .start_s = start_of(verdict),
         .bit_s = verdict->transmission.bit_s,

@@ -26,5 +26,5 @@ void rl_reference_erase(const struct rl_samples *samples, int zone, int first, i
         room->signal[row] = column->signal[row];
         room->valid[row] = column->valid[row] & valid[row];
     }
-    *column = (struct rl_column){room->signal, room->valid};
+    *column = (struct rl_column){room->signal, room->valid, column->is_parted};
 }

@@ -102,7 +102,7 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     float *signal = samples->signal + at;
     /* Without the packet nothing would tell its target from that behind it. */
     const struct rl_column column =
-        rl_target_column(samples, zone, residual->first, rows, &residual->room);
+        rl_target_column(samples, zone, residual->first, rows, false, &residual->room);
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     samples->interference_removed[zone] = true;
     for (int i = 0; i < interference->count; i++) {
@@ -120,7 +120,7 @@ double rl_residual_cancel(struct rl_residual *residual, int zone, int reference,
     const int rows = save_since(residual, zone, from_s);
     const size_t at = rl_sample(samples, zone, residual->first);
     float *signal = samples->signal + at;
-    struct rl_column column = {signal, samples->valid + at};
+    struct rl_column column = {signal, samples->valid + at, false};
     double gain[RL_KNOTS];
     rl_reference_light(samples, reference, residual->first, rows, residual->light[0]);
     rl_reference_erase(samples, reference, residual->first, rows, &residual->room, &column);

@@ -113,7 +113,7 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
 }
 
 static struct rl_column part(const struct rl_sensor *sensor, const float *distance, int rows,
-                             struct rl_column held, struct rl_room *room)
+                             struct rl_column held, bool is_dimmer, struct rl_room *room)
 {
     struct bins bins = {.gap_m = (float)(sensor->separable_m - RL_UNSURE_M),
                         .steps_a_metre = (float)(FINE * BINS / sensor->max_distance_m)};
@@ -144,14 +144,16 @@ static struct rl_column part(const struct rl_sensor *sensor, const float *distan
         sum[d > middle] += (double)signal[row];
         seen[d > middle] += 1.0;
     }
-    const struct rl_column changed = {signal, valid};
-    if (widest < bins.gap_m) {
+    const struct rl_column changed = {signal, valid, widest >= bins.gap_m};
+    if (!changed.is_parted) {
         return changed;
     }
-    const int other = sum[1] / seen[1] < sum[0] / seen[0];
+    const int other = (sum[1] / seen[1] < sum[0] / seen[0]) != is_dimmer;
+    const double own = sum[!other] / seen[!other];
     for (int row = 0; row < rows; row++) {
         const float d = distance[row];
         if (!isnan(d) && valid[row] && (d > middle) == other) {
+            valid[row] = !is_dimmer || (double)signal[row] < own;
             signal[row] = 0.0f;
         }
     }
@@ -185,14 +187,14 @@ static float range_of(const float *distance, int rows)
 }
 
 struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
-                                  int rows, struct rl_room *room)
+                                  int rows, bool is_dimmer, struct rl_room *room)
 {
     const size_t at = rl_sample(samples, channel, first);
-    const struct rl_column held = {samples->signal + at, samples->valid + at};
+    const struct rl_column held = {samples->signal + at, samples->valid + at, false};
     if (channel >= samples->zones || samples->interference_removed[channel] ||
         !(range_of(samples->distance + at, rows) >
           (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;
     }
-    return part(&samples->sensor, samples->distance + at, rows, held, room);
+    return part(&samples->sensor, samples->distance + at, rows, held, is_dimmer, room);
 }

@@ -11,6 +11,7 @@
 struct rl_column {
     const float *signal;
     const uint8_t *valid;
+    bool is_parted; /* whether the zone reports two targets by turns */
 };
 
 /* Room for a column that is changed. */
@@ -21,11 +22,14 @@ struct rl_room {
 
 void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory);
 
-/* Find the column of a channel. Where a zone reports two targets by turns, the dimmer one is what
- * is seen while the marker is dark: however bright it is, the marker is dark. One that is nearer
- * and seen for a short while hides the marker: erasures.
+/* Find the column of a channel. Where a zone reports two targets by turns, the marker is one of
+ * them. While the other one is seen, which outshines it, the marker is dark, or not known if the
+ * other one is brighter than the marker is at times. A target that is nearer and seen for a short
+ * while hides the marker: erasures.
+ *
+ * is_dimmer: whether the marker is the dimmer one of the two
  */
 struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
-                                  int rows, struct rl_room *room);
+                                  int rows, bool is_dimmer, struct rl_room *room);
 
 #endif

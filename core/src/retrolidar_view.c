@@ -113,7 +113,8 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
         struct rl_column column[RL_LANES];
         for (int i = 0; i < RL_LANES; i++) {
             const int channel = channels[lane + i < count ? lane + i : count - 1];
-            column[i] = rl_target_column(samples, channel, view->first, view->rows, &view->room[i]);
+            column[i] = rl_target_column(samples, channel, view->first, view->rows, false,
+                                         &view->room[i]);
         }
         whiten(view, column, (size_t)lane, walk);
     }

@@ -105,7 +105,8 @@ static void whiten(struct rl_window *window)
 {
     const struct rl_samples *samples = window->samples;
     struct rl_column column =
-        rl_target_column(samples, window->channel, window->first, window->rows, &window->room);
+        rl_target_column(samples, window->channel, window->first, window->rows, window->is_dimmer,
+                         &window->room);
     if (window->reference != RL_NO_REFERENCE) {
         rl_reference_erase(samples, window->reference, window->first, window->rows, &window->room,
                            &column);
@@ -125,7 +126,8 @@ static void whiten(struct rl_window *window)
     }
 }
 
-void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s)
+void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
+                    double to_s)
 {
     const struct rl_samples *samples = window->samples;
     const double tiny_s = 0.02 * samples->period_s;
@@ -142,6 +144,7 @@ void rl_window_open(struct rl_window *window, int channel, double from_s, double
     window->begin_s = samples->begin_s + window->first;
     window->end_s = samples->end_s + window->first;
     window->channel = channel;
+    window->is_dimmer = is_dimmer;
     window->has_profile = false;
     whiten(window);
 }

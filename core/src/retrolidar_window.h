@@ -16,6 +16,7 @@ struct rl_window {
     int first, rows; /* in the samples */
     const double *begin_s, *end_s; /* of each exposure [s] */
     int channel;
+    bool is_dimmer; /* whether its target is the dimmer one, if it has two */
     struct rl_column column;             /* samples, of the target in question ... */
     struct rl_whitened whitened;         /* ... and whitened */
     struct rl_gain fit;                  /* of the template that was tried last */
@@ -33,8 +34,11 @@ struct rl_window {
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
                      struct rl_memory *memory);
 
-/* Look at the exposures of a channel from one time to another. */
-void rl_window_open(struct rl_window *window, int channel, double from_s, double to_s);
+/* Look at the exposures of a channel from one time to another; where it reports two targets, at the
+ * dimmer one if that is asked.
+ */
+void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
+                    double to_s);
 
 /* Log likelihood of what is sent. */
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission);

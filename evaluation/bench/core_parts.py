@@ -180,6 +180,9 @@ PARTS = {
         'samples->interference_removed[channel] ||',
         'true || samples->interference_removed[channel] ||',
     ),
+    'two targets: the marker may be the dimmer one': Part(
+        'observation', 'if (judged->window->column.is_parted) {', 'if (false) {'
+    ),
     'zones: those near the reading only': Part(
         'placement', 'is_near(samples, reading, zone) ?', 'true ?'
     ),

@@ -104,13 +104,21 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
 
 @pytest.mark.parametrize(
     ('seed', 'number', 'min_read'),
-    [(8110, 13, 31), (8110, 91, 197), (10764, 637, 117), (10103, 499, 9), (10733, 178, 35)],
+    [
+        (8110, 13, 31),
+        (8110, 91, 197),
+        (10764, 637, 117),
+        (10103, 499, 9),
+        (10733, 178, 35),
+        (10770, 124, 37),
+    ],
     ids=[
         'sums of residuals',
         'bits that touch',
         'residuals of zones beside',
         'wide sums',
         'every other bit',
+        'the dimmer of two targets',
     ],
 )
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
