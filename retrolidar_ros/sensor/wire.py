@@ -9,6 +9,7 @@ the scene's top right, so columns are turned round.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from binascii import crc_hqx
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -190,7 +191,7 @@ class Splitter:
         return not self._discarding
 
 
-class Reader:
+class Reader(ABC):
     """Finds frames in a stream of bytes; accepts any bytes, in bounded memory."""
 
     commands: Commands | None = None  # commands and answers, if the protocol has them
@@ -209,17 +210,17 @@ class Reader:
                 frames.append(frame)
         return frames
 
+    @abstractmethod
     def restart(self) -> None:
         """Forget a frame that was cut off: the next bytes do not continue it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def request(self) -> bytes:
         """Return bytes to send to the sensor now; mostly none."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _read(self, piece: bytes | None) -> Frame | None:
         """Return the frame that a piece completes, if it does; None was too long."""
-        raise NotImplementedError
 
 
 class FrameReader(Reader):
