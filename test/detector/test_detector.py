@@ -24,7 +24,7 @@ from harness_detector import (
 
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
-from retrolidar_ros.detector.paper_detector import fit_preamble, silent_level
+from retrolidar_ros.detector.paper_stages import fit_preamble, silent_level
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Sensor
