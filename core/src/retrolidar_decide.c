@@ -222,13 +222,16 @@ static double price_of_sum(const struct rl_case *judged)
     return is_sum && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
-/* How much likelier the packet is than what else may have been sent. */
+/* How much likelier the packet is than what else may have been sent, less what its gain and a sum of
+ * zones cost. Two packets that look like this one do so in each zone.
+ */
 static double margin_of(struct rl_case *judged)
 {
-    double margin = rl_rivals_margin(judged);
+    const double price = price_of_sum(judged);
+    double margin = rl_rivals_margin(judged) - price;
     /* A marker whose packets are known goes on sending them more likely than it does this. */
     if (margin >= judged->demands->margin && judged->verdict.packets == 1 && !judged->follows) {
-        margin = fmin(margin, rl_rivals_part_margin(judged));
+        margin = fmin(margin, rl_rivals_part_margin(judged) - price);
         margin = fmin(margin, rl_rivals_successive_margin(judged));
     }
     return margin - judged->price;
@@ -251,7 +254,7 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     }
     verdict->reason = RL_MARGIN;
     verdict->margin = margin_of(judged);
-    if (verdict->margin < judged->demands->margin + price_of_sum(judged)) {
+    if (verdict->margin < judged->demands->margin) {
         return *verdict;
     }
     rl_window_steady(judged->window);

@@ -3,6 +3,7 @@
  */
 #include "retrolidar_samples.h"
 
+#include "retrolidar_constants.h"
 #include "retrolidar_math.h"
 #include "retrolidar_noise.h"
 #include "retrolidar_packet.h"
@@ -94,26 +95,44 @@ static bool may_be_dark(const struct rl_samples *samples, int zone, double time_
     return time_s - samples->last_seen_s[zone] < RL_MAX_DARK_BITS * samples->bit_s;
 }
 
+/* Variance of the newest samples of a zone. */
+static double recent_variance(const struct rl_samples *samples, int zone, int row)
+{
+    const int rows = (int)(RL_LOOK_BITS * samples->bit_s / samples->period_s);
+    const int first = row > rows ? row - rows : 0;
+    double sum = 0.0, square = 0.0;
+    for (int i = first; i <= row; i++) {
+        const double signal = (double)samples->signal[rl_sample(samples, zone, i)];
+        sum += signal;
+        square += signal * signal;
+    }
+    const double count = row + 1 - first;
+    return (square - sum * sum / count) / count;
+}
+
+/* A sum is valid if what is not known of it, as zones are erased, is less than its noise. */
 static void sum_zones(struct rl_samples *samples, int row)
 {
     float signal[RL_MAX_ZONES];
-    bool erased[RL_MAX_ZONES];
+    double unknown[RL_MAX_ZONES];
     for (int zone = 0; zone < samples->zones; zone++) {
         signal[zone] = samples->signal[rl_sample(samples, zone, row)];
         /* A zone that sees nothing for long is dark, and no reason to believe less. */
-        erased[zone] = !samples->valid[rl_sample(samples, zone, row)] &&
-                       may_be_dark(samples, zone, samples->end_s[row]);
+        const bool is_erased = !samples->valid[rl_sample(samples, zone, row)] &&
+                               may_be_dark(samples, zone, samples->end_s[row]);
+        unknown[zone] = is_erased ? recent_variance(samples, zone, row) : 0.0;
     }
     for (int channel = samples->zones; channel < samples->channels; channel++) {
         const struct rl_channel *sum = &samples->channel[channel];
         float total = 0.0f;
-        int missing = 0;
+        double variance = 0.0;
         for (int i = 0; i < sum->zones; i++) {
             total += signal[sum->zone[i]];
-            missing += erased[sum->zone[i]];
+            variance += unknown[sum->zone[i]];
         }
         samples->signal[rl_sample(samples, channel, row)] = total;
-        samples->valid[rl_sample(samples, channel, row)] = 2 * missing < sum->zones;
+        samples->valid[rl_sample(samples, channel, row)] =
+            2.0 * variance < rl_noise_variance(samples, channel, (double)total);
     }
 }
 

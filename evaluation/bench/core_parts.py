@@ -113,6 +113,9 @@ PARTS = {
     ),
     'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
+    'sums of zones: erased by zones that vary': Part(
+        'samples', '2.0 * variance < ', '0.0 * variance < '
+    ),
     'sums of more than 2x2 zones': Part(
         'process_frame', 'true, RL_MAX_ZONES, channels', 'true, 4, channels'
     ),
@@ -122,7 +125,7 @@ PARTS = {
     'word test: bits of the search': Part('word', 'i < judged->hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
         'decide',
-        'if (verdict->margin < judged->demands->margin + price_of_sum(judged)) {',
+        'if (verdict->margin < judged->demands->margin) {',
         'if (false) {',
     ),
     'margin: more of it in sums of zones': Part(

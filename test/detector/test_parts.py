@@ -111,6 +111,8 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (10103, 499, 9),
         (10733, 178, 35),
         (10770, 124, 37),
+        (10775, 341, 17),
+        (10777, 77, 26),
     ],
     ids=[
         'sums of residuals',
@@ -119,6 +121,8 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         'wide sums',
         'every other bit',
         'the dimmer of two targets',
+        'sums of which a zone is erased',
+        'two packets that look like one, in a sum',
     ],
 )
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
