@@ -1,10 +1,14 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_bits.h"
+/* The bits of a window: what each does for the likelihood, and whether other sequences of bits, of
+ * a word or not, are better than a packet.
+ */
+#include "retrolidar_decide.h"
 
 #include <math.h>
-#include <string.h>
+
+enum { FLIPS = 4 }; /* bits that are flipped to make a better sequence */
 
 static bool is_dark(const struct rl_transmission *transmission, int bit)
 {
@@ -53,44 +57,69 @@ void rl_bits_flip(struct rl_case *judged, int split, bool later)
     }
 }
 
-/* Add what a bit does if it is flipped to what the packet does that has it, if any. */
-static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool dark, float flipped)
+double rl_word_sequence(const struct rl_case *judged)
 {
-    of = repeats ? rl_bit_of(of) : of;
-    if (of >= 0 && of < RL_PACKET_BITS) {
-        weight[of] += dark ? -flipped : flipped;
+    double best = -INFINITY;
+    for (int i = 0; i < judged->hits->sequences; i++) {
+        struct rl_transmission any = judged->hits->sequence[i];
+        best = fmax(best, rl_window_refine(judged->window, &any, judged->half_bits));
     }
+    return best;
 }
 
-float rl_bits_weigh(const struct rl_bits *bits, int begin, bool repeats,
-                    float weight[RL_PACKET_BITS])
+double rl_word_flip_bits(const struct rl_case *judged)
 {
-    float all = 0.0f;
-    memset(weight, 0, RL_PACKET_BITS * sizeof *weight);
-    for (int bit = 0; bit < bits->count; bit++) {
-        all += bits->dark[bit] ? bits->flipped[bit] : 0.0f;
-        add_weight(weight, bit - begin, repeats, bits->dark[bit], bits->flipped[bit]);
-    }
-    /* Exposures at the ends see some of the bits beyond, which are best as they are. */
-    add_weight(weight, -1 - begin, repeats, bits->dark_before, -(float)RL_AS_GOOD);
-    add_weight(weight, bits->count - begin, repeats, bits->dark_after, -(float)RL_AS_GOOD);
-    return all;
-}
-
-float rl_bits_sum(uint32_t packet, const float weight[RL_PACKET_BITS])
-{
-    float nats = 0.0f;
+    const struct rl_bits *bits = &judged->bits;
+    const double enough = 3.0 * judged->demands->word;
+    struct rl_transmission best = judged->verdict.transmission;
+    double better = 0.0;
+    float first[RL_PACKET_BITS]; /* of each bit of the packet */
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        nats += packet & rl_packet_bit(bit) ? weight[bit] : 0.0f;
+        first[rl_bit_of(bits->first + bit)] = bits->flipped[bits->silent + bit];
     }
-    return nats;
+    for (int round = 0; round < FLIPS && better < enough; round++) {
+        uint32_t flipped = 0;
+        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+            if (round > 0 && first[bit] <= -(float)RL_MAX_MARGIN) {
+                continue;
+            }
+            struct rl_transmission other = best;
+            other.bits ^= rl_packet_bit(bit);
+            const double gained = round == 0
+                                      ? (double)first[bit]
+                                      : rl_window_try(judged->window, &other) - judged->own;
+            if (gained > better) {
+                better = gained;
+                flipped = rl_packet_bit(bit);
+            }
+        }
+        if (flipped == 0) {
+            break;
+        }
+        best.bits ^= flipped;
+    }
+    return better;
 }
 
-float rl_bits_max(const float weight[RL_PACKET_BITS])
+double rl_word_packets(const struct rl_case *judged)
 {
-    float most = rl_add_preamble(0.0f, weight);
-    for (int bit = RL_PREAMBLE_BITS; bit < RL_PACKET_BITS; bit++) {
-        most += fmaxf(weight[bit], 0.0f);
+    struct rl_window *window = judged->window;
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
+    const double enough = 2.0 * judged->demands->word;
+    const double bit_s = transmission->bit_s, packet_s = RL_PACKET_BITS * bit_s;
+    const double first = floor((window->begin_s[0] - transmission->start_s) / packet_s);
+    const double newest_s = window->begin_s[window->rows - 1];
+    const double last = floor((newest_s - transmission->start_s) / packet_s);
+    double better = 0.0;
+    for (int bit = 0; bit < RL_PACKET_BITS && better < enough; bit++) {
+        const uint32_t bits = transmission->bits ^ rl_packet_bit(bit);
+        for (double packet = first; packet <= last; packet++) {
+            const double at_s = transmission->start_s + packet * packet_s + bit * bit_s;
+            /* The crystal is slow, so the bit after it changes, too. */
+            const double other = rl_window_try_stretch(window, transmission, bits,
+                                                       at_s - bit_s / 2, at_s + 2.0 * bit_s);
+            better += fmax(other - judged->own - RL_COST_OF_GAIN, 0.0);
+        }
     }
-    return most;
+    return better;
 }

@@ -1,7 +1,15 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_blinking_range.h"
+/* Distance of what blinks, of all that is merged in a zone.
+ *
+ * A target too near to the marker to be separated merges with it, and the distance reported is the
+ * mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part
+ * is modulated, the background's is not, and that of another marker is modulated by its own bits:
+ * the modulation of signal times distance over that of the signal is the distance of the marker
+ * alone, both by least squares with the light of the other markers as further columns.
+ */
+#include "retrolidar_ranging.h"
 
 #include <math.h>
 #include <string.h>

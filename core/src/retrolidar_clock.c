@@ -1,10 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_clock.h"
-
-#include "retrolidar_constants.h"
-#include "retrolidar_target.h"
+/* Whether what blinks keeps the clock of our packets: a marker of another bit period, or anything
+ * else that blinks, may look like one of them.
+ */
+#include "retrolidar_decide.h"
 
 #include <math.h>
 #include <string.h>

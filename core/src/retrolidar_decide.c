@@ -3,12 +3,6 @@
  */
 #include "retrolidar_decide.h"
 
-#include "retrolidar_bits.h"
-#include "retrolidar_clock.h"
-#include "retrolidar_observation.h"
-#include "retrolidar_rivals.h"
-#include "retrolidar_word.h"
-
 #include <math.h>
 
 enum {

@@ -77,4 +77,57 @@ double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_de
 
 struct rl_verdict rl_decide(struct rl_case *judged);
 
+/* Open the window that a packet was found in, and refine it; for a lone packet that with the
+ * silence before it, if it is the better one. Find evidence, begin, end, fit and where they are.
+ */
+void rl_observation_open(struct rl_case *judged);
+
+/* Whether too many samples are erasures to decide the word. */
+bool rl_observation_is_erased(const struct rl_case *judged);
+
+/* Cut a window into the bits of a packet. */
+struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first, int silent);
+
+/* Flip each bit that is seen in a part of the window, before a row or from it on; the others tell
+ * nothing. From row 0 on, all are seen. `own` is of a packet that is seen in that part only.
+ */
+void rl_bits_flip(struct rl_case *judged, int split, bool later);
+
+/* Log likelihood of the best sequence of bits that the search has found. */
+double rl_word_sequence(const struct rl_case *judged);
+
+/* How much better a sequence is that differs from the packet in a few bits, if not by far [nats].
+ */
+double rl_word_flip_bits(const struct rl_case *judged);
+
+/* How much better packets that repeat are explained if each has bits of its own, if not by far. */
+double rl_word_packets(const struct rl_case *judged);
+
+/* How much likelier a packet is than one of any other ID: begun at any bit, cut by the window or
+ * repeating, or found by the search with another start and clock.
+ */
+double rl_rivals_margin(const struct rl_case *judged);
+
+/* The same if the marker of another ID has come or gone in the window, at any time: it is as dark
+ * then as with a dark bit.
+ */
+double rl_rivals_part_margin(const struct rl_case *judged);
+
+/* The same of one that ended in the window, and another that began then. */
+double rl_rivals_successive_margin(const struct rl_case *judged);
+
+/* By how much any bits of another clock explain a window better than a packet [nats]. A bit that
+ * there are more of than in a packet costs what it says.
+ *
+ * own: log likelihood of the packet
+ */
+double rl_clock_excess(struct rl_window *window, const struct rl_transmission *transmission,
+                       double own);
+
+/* By how much a channel correlates better with itself some other time before than a packet's length
+ * before, over all rows that are held [nats]. Packets that are combined are too faint to ask which
+ * bits each of them has.
+ */
+double rl_clock_period_excess(struct rl_window *window, const struct rl_transmission *transmission);
+
 #endif

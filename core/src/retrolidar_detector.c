@@ -2,7 +2,6 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 #include "retrolidar_detector_state.h"
-#include "retrolidar_placement.h"
 
 #include <math.h>
 #include <stdlib.h>

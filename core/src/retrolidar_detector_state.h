@@ -69,4 +69,11 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
 /* Note a packet that is read. The window's interference is the verdict's. */
 void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
 
+/* Place the marker of a reading of the frame that was taken last; false where no distance was
+ * measured. Every zone that has read it gives its range, and all zones around the strongest its
+ * bearing.
+ */
+bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
+              struct rl_placement *placement);
+
 #endif

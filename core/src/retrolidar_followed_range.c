@@ -4,7 +4,6 @@
 /* The range of a marker that is followed, and which samples of a zone are its own. */
 #include "retrolidar_followed.h"
 
-#include "retrolidar_noise.h"
 #include "retrolidar_ranging.h"
 
 #include <math.h>

@@ -68,7 +68,7 @@ static struct sums sums_of(const float *signal, const uint8_t *valid, const doub
 {
     struct sums sums = {.steps = 0};
     const double density = knots_a_row(rows);
-    double on[2] = {0.0, 0.0}; /* light of the row before on its knots, of which this is the first */
+    double on[2] = {0.0, 0.0}; /* light of the row before on its knots, from `first` on */
     for (int row = 0, before = -1, first = 0; row < rows; row++) {
         if (!valid[row]) {
             continue;

@@ -7,7 +7,6 @@
 
 #include "retrolidar_codebook.h"
 #include "retrolidar_constants.h"
-#include "retrolidar_reference.h"
 #include "retrolidar_template.h"
 #include "retrolidar_view.h"
 

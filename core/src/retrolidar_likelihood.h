@@ -13,7 +13,7 @@
 #define RETROLIDAR_LIKELIHOOD_H
 
 #include "retrolidar_constants.h"
-#include "retrolidar_memory.h"
+#include "retrolidar_math.h"
 
 #include <stdbool.h>
 

@@ -5,6 +5,8 @@
 #ifndef RETROLIDAR_MATH_H
 #define RETROLIDAR_MATH_H
 
+#include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
 /* Minimum and maximum that compile to an instruction; unlike with fmin and fmax, a NaN may come
@@ -92,6 +94,20 @@ static inline double rl_median(double *values, int count)
         values[j] = value;
     }
     return values[count / 2];
+}
+
+/* One block of memory, from which arrays are taken one after the other. */
+struct rl_memory {
+    char *block;   /* NULL while it is only counted how much there must be */
+    int64_t taken; /* bytes */
+};
+
+/* Take an array, aligned for any type; NULL while it is counted. */
+static inline void *rl_take(struct rl_memory *memory, int64_t bytes)
+{
+    const int64_t at = memory->taken;
+    memory->taken += (bytes + 15) / 16 * 16;
+    return memory->block == NULL ? NULL : memory->block + at;
 }
 
 #endif

@@ -1,7 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_noise.h"
+/* How much samples vary: by the law of the sensor's noise, and in fact. */
+#include "retrolidar_samples.h"
 
 #include <math.h>
 #include <stddef.h>

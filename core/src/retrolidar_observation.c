@@ -1,7 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_observation.h"
+/* The samples that a packet is judged by: from when to when, and whether they are enough. */
+#include "retrolidar_decide.h"
 
 #include <math.h>
 

@@ -15,24 +15,3 @@ uint32_t rl_packet(uint16_t id)
 {
     return (uint32_t)RL_PREAMBLE << RL_WORD_BITS | rl_encode(id & (RL_IDS - 1));
 }
-
-void rl_schedule_start(struct rl_schedule *schedule, uint32_t packet, uint16_t packets)
-{
-    schedule->packet = packet;
-    schedule->packets_left = packets;
-    schedule->bits_left = 0;
-}
-
-bool rl_schedule_next(struct rl_schedule *schedule, bool *dark)
-{
-    if (schedule->bits_left == 0) {
-        if (schedule->packets_left == 0) {
-            return false;
-        }
-        schedule->packets_left--;
-        schedule->bits_left = RL_PACKET_BITS;
-    }
-    schedule->bits_left--;
-    *dark = (schedule->packet >> schedule->bits_left) & 1u;
-    return true;
-}

@@ -53,19 +53,6 @@ static inline float rl_add_preamble(float sum, const float *bits)
     return sum;
 }
 
-/* Packets on their way, back to back. */
-struct rl_schedule {
-    uint32_t packet;
-    uint16_t packets_left; /* after the one that is being sent */
-    uint8_t bits_left;     /* of that one */
-};
-
-/* Begin with the first bit of the first of so many packets; none if there are 0. */
-void rl_schedule_start(struct rl_schedule *schedule, uint32_t packet, uint16_t packets);
-
-/* Take the next bit: true and whether it is dark, or false when all have been sent. */
-bool rl_schedule_next(struct rl_schedule *schedule, bool *dark);
-
 #ifdef __cplusplus
 }
 #endif

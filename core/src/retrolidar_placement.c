@@ -1,11 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_placement.h"
-
-#include "retrolidar_blinking_range.h"
+/* When and where the marker of a reading is, from what all zones saw of it. */
 #include "retrolidar_detector_state.h"
-#include "retrolidar_ranging.h"
 
 #include <math.h>
 

@@ -4,7 +4,6 @@
 /* What is searched when: after each frame, the channels in which a packet may have ended or come.
  */
 #include "retrolidar_detector_state.h"
-#include "retrolidar_noise.h"
 
 #include <math.h>
 

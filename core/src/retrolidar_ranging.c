@@ -3,7 +3,6 @@
  */
 #include "retrolidar_ranging.h"
 
-#include "retrolidar_blinking_range.h"
 #include "retrolidar_math.h"
 
 #include <math.h>

@@ -40,4 +40,20 @@ struct rl_ranged {
 bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged);
 /* end of binding */
 
+/* Make the light of the others, and then the marker's own, orthogonal to all before. Return the
+ * energy of the latter.
+ *
+ * role: of each sample; those with 0 are not used
+ */
+double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
+
+/* Find the distance of what blinks, from a first guess; false where nothing does. Then `alone` is
+ * what is left over, over the gain [m].
+ *
+ * role: of each row, 0 if it is not used
+ * others: share of the signal that is light of other markers, 0 unless they are seen
+ */
+bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
+                       struct rl_ranged *found, double *others);
+
 #endif

@@ -1,12 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_rivals.h"
+/* Packets of other IDs that may have been sent, alone or one after the other. */
+#include "retrolidar_decide.h"
 
-#include "retrolidar_bits.h"
 #include "retrolidar_math.h"
 
 #include <math.h>
+#include <string.h>
 
 struct rival {
     float nats; /* about, less those of the packet in question */
@@ -18,6 +19,52 @@ struct rivals {
     struct rival best[RL_TRIED];
 };
 
+/* Add what a bit does if it is flipped to what the packet does that has it, if any. */
+static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool dark, float flipped)
+{
+    of = repeats ? rl_bit_of(of) : of;
+    if (of >= 0 && of < RL_PACKET_BITS) {
+        weight[of] += dark ? -flipped : flipped;
+    }
+}
+
+/* What the dark bits of another packet, which begins at a bit of the window, would do [nats], all
+ * bright first; return the sum of that.
+ */
+static float weigh(const struct rl_bits *bits, int begin, bool repeats,
+                   float weight[RL_PACKET_BITS])
+{
+    float all = 0.0f;
+    memset(weight, 0, RL_PACKET_BITS * sizeof *weight);
+    for (int bit = 0; bit < bits->count; bit++) {
+        all += bits->dark[bit] ? bits->flipped[bit] : 0.0f;
+        add_weight(weight, bit - begin, repeats, bits->dark[bit], bits->flipped[bit]);
+    }
+    /* Exposures at the ends see some of the bits beyond, which are best as they are. */
+    add_weight(weight, -1 - begin, repeats, bits->dark_before, -(float)RL_AS_GOOD);
+    add_weight(weight, bits->count - begin, repeats, bits->dark_after, -(float)RL_AS_GOOD);
+    return all;
+}
+
+static float sum_of(uint32_t packet, const float weight[RL_PACKET_BITS])
+{
+    float nats = 0.0f;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        nats += packet & rl_packet_bit(bit) ? weight[bit] : 0.0f;
+    }
+    return nats;
+}
+
+/* What no packet exceeds. */
+static float max_of(const float weight[RL_PACKET_BITS])
+{
+    float most = rl_add_preamble(0.0f, weight);
+    for (int bit = RL_PREAMBLE_BITS; bit < RL_PACKET_BITS; bit++) {
+        most += fmaxf(weight[bit], 0.0f);
+    }
+    return most;
+}
+
 /* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the
  * window, by the sum over the bits that it turns.
  */
@@ -27,8 +74,8 @@ static void find_rival(const struct rl_case *judged, int begin, bool repeats,
     const struct rl_bits *bits = &judged->bits;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
     float weight[RL_PACKET_BITS];
-    const float all = rl_bits_weigh(bits, begin, repeats, weight);
-    const float most = all + rl_bits_max(weight);
+    const float all = weigh(bits, begin, repeats, weight);
+    const float most = all + max_of(weight);
     const bool is_full = rivals->count == RL_TRIED;
     if (most < -(float)RL_MAX_MARGIN || (is_full && most <= rivals->best[RL_TRIED - 1].nats)) {
         return;
@@ -47,7 +94,7 @@ static void find_rival(const struct rl_case *judged, int begin, bool repeats,
         .dark_before = in_its_place && transmission->dark_before,
         .dark_after = in_its_place && transmission->dark_after,
     };
-    const struct rival rival = {all + rl_bits_sum(packet, weight), other};
+    const struct rival rival = {all + sum_of(packet, weight), other};
     if (rival.nats > -(float)RL_MAX_MARGIN) {
         rl_keep_best(rivals->best, &rivals->count, RL_TRIED, &rival, sizeof rival);
     }
@@ -124,4 +171,111 @@ double rl_rivals_part_margin(const struct rl_case *judged)
         }
     }
     return margin;
+}
+
+/* What is seen in a window of a packet that has ended in it, or begins. */
+struct cut_packet {
+    float nats; /* of its dark bits: at the most, until a word is found */
+    bool is_found;
+    int word;
+};
+
+/* Where one packet ends and another begins, and how likely they are about. */
+struct two_packets {
+    double nats, price;
+    int end;
+};
+
+static void bound(const struct rl_bits *bits, bool begins, struct cut_packet *cut)
+{
+    for (int bit = 0; bit <= bits->count; bit++) {
+        float weight[RL_PACKET_BITS];
+        weigh(bits, begins ? bit : bit - RL_PACKET_BITS, false, weight);
+        cut[bit] = (struct cut_packet){.nats = max_of(weight)};
+    }
+}
+
+static void find_word(const struct rl_case *judged, int begin, struct cut_packet *cut)
+{
+    if (!cut->is_found) {
+        float weight[RL_PACKET_BITS];
+        weigh(&judged->bits, begin, false, weight);
+        cut->is_found = true;
+        cut->word = rl_codebook_heaviest(judged->codebook, weight, judged->verdict.id);
+        cut->nats = cut->word < 0 ? -INFINITY
+                                  : sum_of(judged->codebook->packet[cut->word], weight);
+    }
+}
+
+/* Find the likeliest two, back to back, by the sums over the bits that they flip. What is seen of
+ * the shorter one might be any ID, which has its price. One ID back to back is a packet that
+ * repeats, which is tried by itself.
+ */
+static struct two_packets find_two(const struct rl_case *judged, struct cut_packet *ended,
+                                   struct cut_packet *begun)
+{
+    const int count = judged->bits.count;
+    float weight[RL_PACKET_BITS];
+    const float all = weigh(&judged->bits, count, false, weight);
+    struct two_packets best = {.nats = -RL_MAX_MARGIN, .end = -1};
+    for (int end = 1; end < count; end++) {
+        struct cut_packet *one = &ended[end], *other = &begun[end];
+        if ((double)(all + one->nats + other->nats) > best.nats) {
+            find_word(judged, end - RL_PACKET_BITS, one);
+        }
+        if ((double)(all + one->nats + other->nats) > best.nats) {
+            find_word(judged, end, other);
+        }
+        const int seen = end < count - end ? end : count - end;
+        const double price = log(2.0) * (seen < RL_ID_BITS ? seen : RL_ID_BITS);
+        const double nats = (double)(all + one->nats + other->nats) - price;
+        if (nats > best.nats) {
+            best = (struct two_packets){nats, price, end};
+        }
+    }
+    return best;
+}
+
+/* How likely two packets are at best, each shifted, as they need not keep time with the bits. */
+static double shift_two(struct rl_window *window, struct rl_transmission *one,
+                        struct rl_transmission *other)
+{
+    double best = rl_window_try_two(window, one, other);
+    for (int moved = 0; moved < 2; moved++) {
+        struct rl_transmission *packet = moved ? one : other;
+        const double start_s = packet->start_s;
+        double best_s = start_s;
+        for (int phase = -RL_PHASES / 2; phase <= RL_PHASES / 2; phase++) {
+            packet->start_s = start_s + phase * packet->bit_s / RL_PHASES;
+            const double likelihood = rl_window_try_two(window, one, other);
+            if (likelihood > best) {
+                best = likelihood;
+                best_s = packet->start_s;
+            }
+        }
+        packet->start_s = best_s;
+    }
+    return best;
+}
+
+double rl_rivals_successive_margin(const struct rl_case *judged)
+{
+    struct cut_packet ended[RL_MAX_BITS + 1], begun[RL_MAX_BITS + 1];
+    bound(&judged->bits, false, ended);
+    bound(&judged->bits, true, begun);
+    const struct two_packets two = find_two(judged, ended, begun);
+    if (two.end < 0) {
+        return RL_MAX_MARGIN;
+    }
+    const int begin[2] = {two.end - RL_PACKET_BITS, two.end};
+    const int word[2] = {ended[two.end].word, begun[two.end].word};
+    const double bit_s = judged->verdict.transmission.bit_s;
+    struct rl_transmission packet[2];
+    for (int i = 0; i < 2; i++) {
+        packet[i] = (struct rl_transmission){.bits = judged->codebook->packet[word[i]],
+                                             .start_s = judged->bits.begin_s + begin[i] * bit_s,
+                                             .bit_s = bit_s};
+    }
+    const double likelihood = shift_two(judged->window, &packet[0], &packet[1]);
+    return fmin(judged->own + two.price - likelihood, RL_MAX_MARGIN);
 }

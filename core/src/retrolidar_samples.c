@@ -5,7 +5,6 @@
 
 #include "retrolidar_constants.h"
 #include "retrolidar_math.h"
-#include "retrolidar_noise.h"
 #include "retrolidar_packet.h"
 
 #include <math.h>

@@ -5,7 +5,7 @@
 #ifndef RETROLIDAR_SAMPLES_H
 #define RETROLIDAR_SAMPLES_H
 
-#include "retrolidar_memory.h"
+#include "retrolidar_math.h"
 #include "retrolidar_sensor.h"
 
 #include <stdbool.h>
@@ -107,5 +107,16 @@ int rl_samples_oldest(const struct rl_samples *samples);
 
 /* Number of the first row whose exposure ends after a time. */
 int rl_samples_row(const struct rl_samples *samples, double time_s);
+
+/* Variance of the noise of a channel at a signal [(kcps/SPAD)^2], as the law says. */
+double rl_noise_variance(const struct rl_samples *samples, int channel, double signal);
+
+/* After a row was appended: update the sums to the newest rows, as many as `wanted`; `recompute`
+ * them after the rows have moved.
+ */
+void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
+
+/* By how many times its noise a channel varies over the newest `variance_rows`. */
+double rl_noise_variation(const struct rl_samples *samples, int channel);
 
 #endif

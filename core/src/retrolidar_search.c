@@ -4,7 +4,6 @@
 #include "retrolidar_search.h"
 
 #include "retrolidar_math.h"
-#include "retrolidar_noise.h"
 
 #include <math.h>
 #include <string.h>

@@ -32,4 +32,17 @@ void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory);
 struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
                                   int rows, bool is_dimmer, struct rl_room *room);
 
+/* Adaptive interference cancelling (Widrow et al. 1975): a zone beside sees what interferes, too,
+ * and more of it. Its signal stands for light of which neither ID nor clock need be known.
+ */
+enum { RL_NO_REFERENCE = -1 };
+
+/* What a zone sees in some rows beyond its darkest. */
+void rl_reference_light(const struct rl_samples *samples, int zone, int first, int rows,
+                        double *light);
+
+/* Erase the samples of a column in whose rows the reference has none. */
+void rl_reference_erase(const struct rl_samples *samples, int zone, int first, int rows,
+                        struct rl_room *room, struct rl_column *column);
+
 #endif

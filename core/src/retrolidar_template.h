@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What exposures see of a packet, the response of the liquid crystal included. */
+/* What exposures see of packets, the response of the liquid crystal included. */
 #ifndef RETROLIDAR_TEMPLATE_H
 #define RETROLIDAR_TEMPLATE_H
 
@@ -33,5 +33,31 @@ void rl_template(const struct rl_transmission *transmission, const double *begin
 /* The same of a train, as far as it was read, or as if it went on and on; bright before. */
 void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
                     const double *end_s, int rows, double *light);
+
+enum { RL_MAX_TRAINS = 24 }; /* of a zone and those beside it, within a few packets */
+
+/* Packets that may be in the samples besides the one in question, marker by marker. */
+struct rl_interference {
+    int count;
+    struct rl_packet_train train[RL_MAX_TRAINS];
+};
+
+/* Whether a train begins where the packets of another one would begin, too. */
+bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now);
+
+/* Return the first train that the marker of one has sent: those that keep its time, and do not
+ * overlap, are taken to be of one marker, whatever their IDs.
+ */
+int rl_interference_marker(const struct rl_interference *interference, int index);
+
+/* Mean light, 0 to 1, of a marker during exposures: what it was seen to send, and bright else.
+ *
+ * marker: its first train
+ * continues: whether its last packet is sent on and on
+ * part: room for as many rows
+ */
+void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
+                           const double *begin_s, const double *end_s, int rows, double *part,
+                           double *light);
 
 #endif

@@ -1,7 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_tracks_state.h"
+#include "retrolidar_detector_state.h"
+#include "retrolidar_followed.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -2,9 +2,8 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* How a track begins: its own packet is fitted, together with the light of those beside it. */
-#include "retrolidar_tracks_state.h"
+#include "retrolidar_followed.h"
 
-#include "retrolidar_math.h"
 #include "retrolidar_ranging.h"
 
 #include <math.h>

@@ -6,7 +6,6 @@
 #include "retrolidar_constants.h"
 #include "retrolidar_gain_profile.h"
 #include "retrolidar_math.h"
-#include "retrolidar_noise.h"
 
 #include <math.h>
 #include <string.h>

@@ -5,8 +5,6 @@
 #ifndef RETROLIDAR_WINDOW_H
 #define RETROLIDAR_WINDOW_H
 
-#include "retrolidar_interference.h"
-#include "retrolidar_reference.h"
 #include "retrolidar_likelihood.h"
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"

@@ -16,11 +16,11 @@ NUMBERS = {
     'decide.c': ('MIN_ALONE',),
     'detector_state.h': ('RL_ACTIVE',),
     'gain_profile.c': ('STIFFNESS',),
-    'interference.c': ('SAME_PHASE_BITS',),
     'likelihood.c': ('Q_OVER_R',),
     'pool.c': ('MAX_MISSED',),
     'ranging.c': ('IN_ZONE', 'BRIGHTEST'),
     'search.h': ('RL_STRONG',),
+    'template.c': ('SAME_PHASE_BITS',),
     'window.c': ('MIN_NOISE',),
 }
 """By the file that declares them."""

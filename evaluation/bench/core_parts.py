@@ -49,7 +49,7 @@ PARTS = {
     ),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'earlier packets: those of a marker as one': Part(
-        'interference', 'return overlap_s < SAME', 'return false && overlap_s < SAME'
+        'template', 'return overlap_s < SAME', 'return false && overlap_s < SAME'
     ),
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
@@ -120,9 +120,9 @@ PARTS = {
         'process_frame', 'true, RL_MAX_ZONES, channels', 'true, 4, channels'
     ),
     'word test: bits turned': Part(
-        'word', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
+        'bits', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
     ),
-    'word test: bits of the search': Part('word', 'i < judged->hits->sequences;', 'i < 0;'),
+    'word test: bits of the search': Part('bits', 'i < judged->hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
         'decide',
         'if (verdict->margin < judged->demands->margin) {',

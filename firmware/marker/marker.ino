@@ -10,8 +10,7 @@
 #include <IWatchdog.h>
 #include <STM32LowPower.h>
 #include <retrolidar_command.h>
-#include <retrolidar_drive.h>
-#include <retrolidar_wakeup.h>
+#include <retrolidar_marker.h>
 
 constexpr uint16_t DEFAULT_ID = 2073; // until another is set: type "id 7" within LISTEN_MS of a reset
 constexpr uint32_t BIT_US = 42000;    // two frames of the sensor

@@ -19,8 +19,8 @@ HEADER = '|name|file|value|unit|from|\n|---|---|---|---|---|\n'
 DERIVED = r'[^{]*\bRL_\w+[^{]*|[^{]*\b[A-Z]{2,}_?[A-Z]+[^{]*'
 # The sensor and the packet, what talks to sensors and firmware, and tracks.
 OTHER_FILES = {
-    *('command', 'drive', 'packet', 'packet_format', 'receive'),
-    *('sensor', 'wakeup', 'wire'),
+    *('command', 'marker', 'packet', 'packet_format', 'receive'),
+    *('sensor', 'wire'),
     *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'tracks_begin'),
     *('pose', 'zone_light'),
 }

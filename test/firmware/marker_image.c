@@ -5,8 +5,7 @@
  * be measured. What the hardware gives and takes is in volatile variables.
  */
 #include "retrolidar_command.h"
-#include "retrolidar_drive.h"
-#include "retrolidar_wakeup.h"
+#include "retrolidar_marker.h"
 
 volatile uint16_t light;
 volatile uint8_t electrodes;

@@ -39,7 +39,7 @@ class Core:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        names = ('command', 'drive', 'packet', 'wakeup', 'wire')
+        names = ('command', 'marker', 'packet', 'wire')
         self.ffi, self.lib = bind_core(directories, *names)
 
     def encode(

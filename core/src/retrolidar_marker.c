@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_wakeup.h"
+#include "retrolidar_marker.h"
 
 static void look(struct rl_wakeup *wakeup)
 {
@@ -51,4 +51,53 @@ enum rl_mode rl_wakeup_sent(struct rl_wakeup *wakeup)
     wakeup->has_sent = true;
     look(wakeup);
     return wakeup->mode;
+}
+
+bool rl_drive_start(struct rl_drive *drive, uint16_t id, uint16_t packets, uint16_t ticks_per_bit)
+{
+    if (drive->busy || ticks_per_bit == 0 || ticks_per_bit % 2 != 0) {
+        return false;
+    }
+    drive->packet = rl_packet(id);
+    drive->packets_left = packets;
+    drive->bits_left = 0;
+    drive->ticks_per_bit = ticks_per_bit;
+    drive->ticks_left = 0;
+    drive->dark = false;
+    drive->busy = true;
+    return true;
+}
+
+/* Take the next bit; false when all have been sent. */
+static bool next_bit(struct rl_drive *drive)
+{
+    if (drive->bits_left == 0) {
+        if (drive->packets_left == 0) {
+            return false;
+        }
+        drive->packets_left--;
+        drive->bits_left = RL_PACKET_BITS;
+    }
+    drive->bits_left--;
+    drive->dark = (drive->packet >> drive->bits_left) & 1u;
+    return true;
+}
+
+enum rl_electrodes rl_drive_tick(struct rl_drive *drive)
+{
+    if (!drive->busy) {
+        return RL_SHORTED;
+    }
+    if (drive->ticks_left == 0) {
+        if (!next_bit(drive)) {
+            drive->busy = false;
+            return RL_SHORTED;
+        }
+        drive->ticks_left = drive->ticks_per_bit;
+    }
+    drive->ticks_left--;
+    if (!drive->dark) {
+        return RL_SHORTED;
+    }
+    return drive->ticks_left % 2 != 0 ? RL_FIRST_HIGH : RL_SECOND_HIGH;
 }
