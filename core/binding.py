@@ -18,6 +18,8 @@ HEADERS = tuple(
         'packet',
         'sensor',
         'receive',
+        'template',
+        'likelihood',
         'decide',
         'bearing',
         'detector',

@@ -99,7 +99,7 @@ class Statistics:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        self.ffi, self.lib = bind_core(directories, 'decide', 'gain_profile')
+        self.ffi, self.lib = bind_core(directories, 'decide')
         self.samples = self.ffi.new('struct rl_samples *')
         self.window = self.ffi.new('struct rl_window *')
         self.codebook = self.ffi.new('struct rl_codebook *')

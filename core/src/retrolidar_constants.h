@@ -8,6 +8,7 @@
 #include "retrolidar_packet.h"
 
 enum {
+    RL_LANES = 16,    /* channels whose arithmetic is done side by side */
     RL_PHASES = 4,    /* of a bit, at which starts are tried */
     RL_TRIED = 3,     /* the likeliest of many, which are tried exactly, and rounds of trying */
     RL_LOOK_BITS = 4, /* between two searches of a stretch; fewer bits tell nothing */

@@ -23,6 +23,18 @@ struct rl_demands {
     double margin;         /* by how much a packet must be better than one of any other ID ... */
     double margin_of_more; /* ... if more of its packets may come */
 };
+
+/* What is found of a packet that is judged; what it has not come to is 0. */
+struct rl_verdict {
+    int channel, packets; /* that the window holds */
+    uint16_t id;
+    struct rl_transmission transmission;
+    bool is_dimmer;                /* whether it is of the dimmer target, if the zone has two */
+    int reason;                    /* why it is rejected, or RL_READ */
+    double evidence, word, margin; /* [nats], as far as it came */
+    double begin_s, end_s;         /* of what was used */
+    struct rl_gain fit;
+};
 /* end of binding */
 
 enum {
@@ -39,17 +51,6 @@ struct rl_bits {
     bool dark_before, dark_after; /* the first and the last */
     /* Log likelihood if a bit were the other one, less that as it is. */
     float flipped[RL_MAX_BITS];
-};
-
-struct rl_verdict {
-    int channel, packets; /* that the window holds */
-    uint16_t id;
-    struct rl_transmission transmission;
-    bool is_dimmer;                /* whether it is of the dimmer target, if the zone has two */
-    int reason;                    /* why it is rejected, or RL_READ */
-    double evidence, word, margin; /* [nats], as far as it came */
-    double begin_s, end_s;         /* of what was used */
-    struct rl_gain fit;
 };
 
 /* A packet that is judged. */

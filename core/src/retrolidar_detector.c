@@ -108,28 +108,8 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
 
 struct rl_newest rl_detector_newest(const struct rl_detector *detector)
 {
-    return (struct rl_newest){detector->readings, detector->candidates, detector->reading,
-                              detector->candidate};
-}
-
-struct rl_held rl_detector_held(const struct rl_detector *detector)
-{
-    const struct rl_samples *samples = &detector->samples;
-    return (struct rl_held){
-        .first = rl_samples_oldest(samples),
-        .count = samples->count,
-        .capacity = samples->capacity,
-        .channels = samples->channels,
-        .zones = samples->zones,
-        .origin_ns = samples->origin_ns,
-        .period_s = samples->period_s,
-        .begin_s = samples->begin_s,
-        .end_s = samples->end_s,
-        .stamp_ns = samples->stamp_ns,
-        .signal = samples->signal,
-        .valid = samples->valid,
-        .distance = samples->distance,
-    };
+    return (struct rl_newest){detector->samples.origin_ns, detector->readings,
+                              detector->candidates, detector->reading, detector->candidate};
 }
 
 struct rl_counts rl_detector_counts(const struct rl_detector *detector)

@@ -38,49 +38,23 @@ struct rl_placement {
     int32_t zone[RL_MAX_READ]; /* that saw it, strongest first */
 };
 
-/* A packet that was read. */
+/* A packet that was read: as it was judged, but from when on samples are held, and with the start
+ * of the packet that the window holds the most of.
+ */
 struct rl_reading {
-    uint16_t id;
-    bool repeats;
-    bool is_dimmer; /* whether it is of the dimmer target, if its zone has two */
-    int32_t packets;                      /* combined */
-    double start_s, bit_s;   /* of what is sent [s] */
-    double begin_s, end_s;   /* of the samples that were used [s] */
-    double evidence, margin; /* [nats] */
+    struct rl_verdict verdict;
     int32_t zones;
     int32_t zone[RL_MAX_READ]; /* strongest first */
     bool is_placed;            /* else no distance was measured */
     struct rl_placement placement;
 };
 
-/* A packet that was judged, read or not. */
-struct rl_candidate {
-    uint16_t id;
-    int32_t channel, packets;
-    int32_t reason; /* why it is not read, RL_READ if it is */
-    double start_s, bit_s;
-    double evidence, word, margin; /* [nats], 0 where it has not come so far */
-};
-
-/* What was read with the frame that was taken last, and what was judged. */
+/* What was read with the frame that was taken last, and what was judged, read or not. */
 struct rl_newest {
+    int64_t origin_ns; /* from which times count */
     int32_t readings, candidates;
     const struct rl_reading *reading;
-    const struct rl_candidate *candidate;
-};
-
-/* The samples that are held, `capacity` rows of one channel or zone after those of another; `first`
- * is the oldest row that is sure.
- */
-struct rl_held {
-    int32_t first, count, capacity, channels, zones;
-    int64_t origin_ns;
-    double period_s;
-    const double *begin_s, *end_s;
-    const int64_t *stamp_ns; /* the least of all where no frame came */
-    const float *signal;     /* of all channels, the zones first */
-    const uint8_t *valid;
-    const float *distance; /* of zones only */
+    const struct rl_verdict *candidate;
 };
 
 struct rl_detector;
@@ -99,8 +73,6 @@ int32_t rl_detector_push(struct rl_detector *detector, int32_t frames, const int
                          const uint8_t *status);
 
 struct rl_newest rl_detector_newest(const struct rl_detector *detector);
-
-struct rl_held rl_detector_held(const struct rl_detector *detector);
 
 /* Counters: candidates that were judged, rejected for each reason, and so on. */
 struct rl_counts {

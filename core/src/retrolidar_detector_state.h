@@ -5,12 +5,8 @@
 #ifndef RETROLIDAR_DETECTOR_STATE_H
 #define RETROLIDAR_DETECTOR_STATE_H
 
-#include "retrolidar_bearing.h"
-#include "retrolidar_constants.h"
 #include "retrolidar_detector.h"
-#include "retrolidar_pool.h"
 #include "retrolidar_ranging.h"
-#include "retrolidar_residual.h"
 #include "retrolidar_search.h"
 
 enum {
@@ -22,6 +18,29 @@ enum {
 };
 /* A channel that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
+
+enum { RL_POOL = 64 };
+
+struct rl_active_track {
+    uint16_t id;
+    struct rl_packet_train train;
+    int zone;             /* that saw it best */
+    uint64_t zones, near; /* bit masks: those that saw it, and all of them and around them */
+};
+
+struct rl_pool {
+    int count;
+    struct rl_active_track track[RL_POOL];
+};
+
+/* Room for what is subtracted from samples. */
+struct rl_residual {
+    struct rl_samples *samples;
+    struct rl_room room;
+    double *light[2], *part; /* of a marker that has ended, and that goes on */
+    float *saved; /* signals of each channel before */
+    int first;    /* row from which they were saved */
+};
 
 /* What a search has found in a channel, not judged yet. */
 struct rl_pending {
@@ -54,7 +73,7 @@ struct rl_detector {
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;
-    struct rl_candidate candidate[2 * RL_DECISIONS];
+    struct rl_verdict candidate[2 * RL_DECISIONS];
     struct rl_hits hits[RL_MAX_CHANNELS], behind;
     struct rl_pending pending[RL_MAX_PENDING];
     int pendings;
@@ -75,5 +94,49 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
  */
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);
+
+/* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
+ * if there is none from the index on, which it moves.
+ */
+const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
+                                          double to_s);
+
+/* Whether packets of an ID are held that overlap with a time. */
+bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
+                   double overlap_s);
+
+/* Whether packets of an ID follow, by the same clock, others that are held. */
+bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
+                         const struct rl_packet_train *train);
+
+/* Find what may be in some zones from one time to another besides an ID: what was read in them
+ * first, then what was read beside them. Those whose last packet ended before `since_s` are over.
+ */
+void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
+                          uint16_t except, struct rl_interference *interference);
+
+/* Zones that saw what was read until a time or later, and those around them. */
+uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
+
+/* The zones of a channel as a bit mask. */
+uint64_t rl_channel_zones(const struct rl_samples *samples, int channel);
+
+void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
+                       struct rl_memory *memory);
+
+/* Subtract transmissions from the samples of a zone since a time. Return how the rest varies over
+ * the newest rows, a packet's length of them, in the variance of noise.
+ */
+double rl_residual_subtract(struct rl_residual *residual, int zone,
+                            const struct rl_interference *interference, double from_s);
+
+/* Subtract what another zone sees, as far as that explains the zone. Return the same. */
+double rl_residual_cancel(struct rl_residual *residual, int zone, int reference, double from_s);
+
+/* The same of a sum of zones, once transmissions are subtracted from its zones. */
+double rl_residual_sum(struct rl_residual *residual, int channel);
+
+/* Put the samples of a channel back. */
+void rl_residual_restore(struct rl_residual *residual, int channel);
 
 #endif

@@ -26,14 +26,13 @@ static const double SHARED_LIGHT = 0.5;
 /* A marker that has crossed an edge goes on for so long. */
 static const double CROSSED_S = 1.0;
 
-void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading)
+void rl_followed_start(struct rl_followed *followed, const struct rl_verdict *verdict)
 {
     memset(followed, 0, sizeof *followed);
-    followed->id = reading->id;
-    followed->transmission = (struct rl_transmission){.bits = rl_packet(reading->id),
-                                                      .repeats = true,
-                                                      .start_s = reading->start_s,
-                                                      .bit_s = reading->bit_s};
+    followed->id = verdict->id;
+    followed->transmission = verdict->transmission;
+    followed->transmission.repeats = true;
+    followed->first_s = verdict->transmission.start_s;
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;

@@ -5,11 +5,108 @@
 #ifndef RETROLIDAR_FOLLOWED_H
 #define RETROLIDAR_FOLLOWED_H
 
-#include "retrolidar_bearing.h"
-#include "retrolidar_range_filter.h"
+#include "retrolidar_samples.h"
 #include "retrolidar_template.h"
 #include "retrolidar_tracks.h"
-#include "retrolidar_zone_light.h"
+
+enum { RL_EXPLANATIONS = 6 };
+
+struct rl_presence {
+    double chance[RL_EXPLANATIONS];
+    double seen_nats;   /* that its light is there, since it was last known to be */
+    double unseen_bits; /* since then, of dark ones a part */
+    double log_odds;    /* that it is there, and the same [nats] */
+};
+
+/* chance: that it goes on as predicted */
+void rl_presence_start(struct rl_presence *presence, double chance);
+
+/* Forget what was found out, but when it was seen. */
+void rl_presence_restart(struct rl_presence *presence, double chance);
+
+/* What a frame has shown. */
+struct rl_glance {
+    double step_s, bit_s;
+    double light;         /* as predicted, 0 to 1 */
+    double measured;      /* over that of a bright marker */
+    double variance;      /* of that; infinite if nothing was seen */
+    double level;         /* of the zone, likewise: what another marker may have been a part of */
+    double edge_variance; /* of the light as predicted, by when its edges come */
+};
+
+/* The chance that there is light of another marker. */
+double rl_presence_doubt(const struct rl_presence *presence);
+
+/* Return whether its light was seen. */
+int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance);
+
+enum { RL_MOTIONS = 4 };
+
+struct rl_motion {
+    double chance;
+    double range_m, rate;                   /* [m], [m/s] */
+    double variance, common, rate_variance; /* of the range, of both, of the rate */
+};
+
+struct rl_range_filter {
+    struct rl_motion motion[RL_MOTIONS];
+};
+
+void rl_range_start(struct rl_range_filter *filter, double range_m, double variance);
+
+void rl_range_predict(struct rl_range_filter *filter, double step_s);
+
+/* Update with a measured range, of which a share shows the marker's and the rest is known. */
+void rl_range_update(struct rl_range_filter *filter, double range_m, double variance, double share);
+
+/* The mean and the covariance of all motions, whose chance is 1. */
+struct rl_motion rl_range_estimate(const struct rl_range_filter *filter);
+
+struct rl_zone_light {
+    double level, gain; /* [kcps/SPAD] */
+    double level_variance, common, gain_variance;
+    double excess; /* variance of what is left over, over that of noise: of other light */
+    double raised_bits; /* for so long its dark bits are brighter than its level */
+};
+
+/* A sample of a zone, less the light of other markers. */
+struct rl_zone_sample {
+    bool valid;
+    double signal, variance; /* [kcps/SPAD] */
+};
+
+/* Weighted sums of light and signal, to which level and gain are fitted. */
+struct rl_zone_sums {
+    double count, weight, light, signal, squares, cross, power;
+};
+
+void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light);
+struct rl_zone_light rl_zone_fit(const struct rl_zone_sums *sums);
+
+/* Let the fits be of a marker that may have moved meanwhile, so the newest samples count. Zones
+ * that have not read it see nothing of it: what fits there is the light of another.
+ */
+void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_reading *reading);
+
+/* The zone that sees most of a marker. */
+int rl_zone_strongest(const struct rl_zone_light *lights, int zones);
+
+/* Whether a zone is sure to see a part of the marker that the strongest zone sees. */
+bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest);
+
+/* Find by how much of its light a marker is seen, from the zones about the strongest. Return
+ * whether that is shared otherwise than before: it has crossed an edge.
+ */
+bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
+                     int zones, int columns, struct rl_glance *glance);
+
+/* Let time pass. crossed: the chance that the marker crosses the view */
+void rl_zone_predict(struct rl_zone_light *lights, int zones, int columns, double step_s,
+                     double crossed);
+
+/* Update all zones with samples in which the light is as predicted, shared otherwise or not. */
+void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
+                    int columns, const struct rl_glance *glance, bool crossed);
 
 /* No range is less [m]. */
 static const double RL_NEAREST_M = 1e-3;
@@ -72,8 +169,8 @@ static inline double rl_scenery_now(const struct rl_scenery *scenery)
     return (samples->begin_s[scenery->row] + samples->end_s[scenery->row]) / 2;
 }
 
-/* Begin with a reading, whose place is not known yet. */
-void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading);
+/* Begin with what was read, whose place is not known yet. */
+void rl_followed_start(struct rl_followed *followed, const struct rl_verdict *verdict);
 
 /* Find out where it is about by the distance that its strongest zone has measured [m]. */
 void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,

@@ -1,9 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_gain_profile.h"
-
-#include "retrolidar_constants.h"
+/* How the gain of a packet changes while it is sent: a marker that moves, or a light that sways. */
+#include "retrolidar_window.h"
 
 #include <math.h>
 #include <stdbool.h>

@@ -1,9 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_hits.h"
-
-#include "retrolidar_math.h"
+/* What a search has found in one channel, the most promising first. */
+#include "retrolidar_search.h"
 
 #include <math.h>
 #include <string.h>

@@ -18,23 +18,6 @@ static struct rl_packet_train train_of(const struct rl_verdict *verdict)
     return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
 }
 
-static void note(struct rl_detector *detector, const struct rl_verdict *verdict)
-{
-    if (detector->candidates < 2 * RL_DECISIONS) {
-        detector->candidate[detector->candidates++] = (struct rl_candidate){
-            verdict->id,
-            verdict->channel,
-            verdict->packets,
-            verdict->reason,
-            verdict->transmission.start_s,
-            verdict->transmission.bit_s,
-            verdict->evidence,
-            verdict->word,
-            verdict->margin,
-        };
-    }
-}
-
 /* Add a packet to what interferes, in place of the last one if there is no room. */
 static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
 {
@@ -85,7 +68,9 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     };
     detector->window.reference = hits->reference;
     const struct rl_verdict verdict = rl_decide(&judged);
-    note(detector, &verdict);
+    if (detector->candidates < 2 * RL_DECISIONS) {
+        detector->candidate[detector->candidates++] = verdict;
+    }
     return verdict;
 }
 

@@ -1,9 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_lanes.h"
-
-#include "retrolidar_math.h"
+/* Arithmetic on channels side by side, RL_LANES of them; in a file of its own, as compilers make
+ * vectors of these loops as long as nothing is around them.
+ */
+#include "retrolidar_view.h"
 
 /* Weight of an erasure on the level: next to none, but enough to divide by. */
 static const float ERASED = 1e-3f;

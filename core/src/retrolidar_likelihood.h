@@ -41,6 +41,7 @@ struct rl_whitened {
     double explained;                 /* ... of which so much is what interferers explain */
 };
 
+/* binding */
 /* How much better a template explains samples than nothing does. */
 struct rl_gain {
     double log_likelihood; /* with the packet, the best of all q */
@@ -48,6 +49,7 @@ struct rl_gain {
     double variance;       /* s at that q */
     int walk;              /* which q that is */
 };
+/* end of binding */
 
 /* Take the arrays of a window of so many rows at the most. */
 void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory *memory);

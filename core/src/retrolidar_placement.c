@@ -16,21 +16,17 @@ struct amplitude {
 };
 
 /* The times of the samples of a reading, and the light of its packet at each. */
-static struct rl_seen window_of(struct rl_detector *detector, const struct rl_reading *reading,
+static struct rl_seen window_of(struct rl_detector *detector, const struct rl_verdict *verdict,
                                 int *first)
 {
     const struct rl_samples *samples = &detector->samples;
     /* An exposure mostly outside may show the packet before or after. */
     const double max_s = (1.0 - RL_BRIGHT) * samples->period_s;
-    *first = rl_samples_row(samples, reading->begin_s + max_s);
+    *first = rl_samples_row(samples, verdict->begin_s + max_s);
     int last = *first;
-    while (last < samples->count && samples->begin_s[last] < reading->end_s - max_s) {
+    while (last < samples->count && samples->begin_s[last] < verdict->end_s - max_s) {
         last++;
     }
-    const struct rl_transmission transmission = {.bits = rl_packet(reading->id),
-                                                 .repeats = reading->repeats,
-                                                 .start_s = reading->start_s,
-                                                 .bit_s = reading->bit_s};
     const struct rl_seen seen = {
         .sensor = &samples->sensor,
         .rows = last - *first,
@@ -40,16 +36,17 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_re
         .alone = detector->window.part,
         .other = detector->other,
     };
-    rl_template(&transmission, seen.begin_s, seen.end_s, seen.rows, detector->window.light);
+    rl_template(&verdict->transmission, seen.begin_s, seen.end_s, seen.rows,
+                detector->window.light);
     return seen;
 }
 
 /* Take the samples of a zone: of the target that may be the marker, where it sees several. */
-static void look_at(struct rl_detector *detector, const struct rl_reading *reading,
+static void look_at(struct rl_detector *detector, const struct rl_verdict *verdict,
                     struct rl_seen *seen, int first, int zone)
 {
     const struct rl_column column =
-        rl_target_column(&detector->samples, zone, first, seen->rows, reading->is_dimmer,
+        rl_target_column(&detector->samples, zone, first, seen->rows, verdict->is_dimmer,
                          &detector->window.room);
     seen->valid = column.valid;
     seen->signal = column.signal;
@@ -57,15 +54,15 @@ static void look_at(struct rl_detector *detector, const struct rl_reading *readi
 }
 
 /* Lay the light of other markers that were read in a zone at the time. */
-static void lay_others(const struct rl_detector *detector, const struct rl_reading *reading,
+static void lay_others(const struct rl_detector *detector, const struct rl_verdict *verdict,
                        int zone, struct rl_seen *seen)
 {
     const struct rl_pool *pool = &detector->pool;
     seen->others = 0;
     for (int i = pool->count - 1; i >= 0 && seen->others < RL_MAX_OTHERS; i--) {
         const struct rl_active_track *track = &pool->track[i];
-        if (track->id != reading->id && (track->zones >> zone & 1u) != 0 &&
-            track->train.end_s > reading->begin_s && track->train.begin_s < reading->end_s) {
+        if (track->id != verdict->id && (track->zones >> zone & 1u) != 0 &&
+            track->train.end_s > verdict->begin_s && track->train.begin_s < verdict->end_s) {
             rl_train_light(&track->train, track->train.transmission.repeats, seen->begin_s,
                            seen->end_s, seen->rows, seen->other + seen->others++ * seen->rows);
         }
@@ -160,10 +157,10 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
     for (int i = 0; i < placement->zones; i++) {
         const int zone = placement->zone[i];
         struct rl_ranged ranged;
-        look_at(detector, reading, seen, first, zone);
+        look_at(detector, &reading->verdict, seen, first, zone);
         /* A distance is of all the light that comes back. */
         seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
-        lay_others(detector, reading, zone, seen);
+        lay_others(detector, &reading->verdict, zone, seen);
         if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
             /* The sensor's own projection has the factor of the zone and not of the target. */
             const double square = z_per_range[zone] * z_per_range[zone];
@@ -190,11 +187,12 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
 }
 
 /* The paper's l, equations of its section 3.5, of the first whole preamble in the window. */
-static double likelihood_of(const struct rl_seen *seen, const struct rl_reading *reading)
+static double likelihood_of(const struct rl_seen *seen, const struct rl_verdict *verdict)
 {
+    const struct rl_transmission *transmission = &verdict->transmission;
     double level = 0.0, bright = 0.0, cross = 0.0, energy = 0.0, squares = 0.0;
-    double start_s = reading->start_s;
-    start_s += start_s < reading->begin_s ? RL_PACKET_BITS * reading->bit_s : 0.0;
+    double start_s = transmission->start_s;
+    start_s += start_s < verdict->begin_s ? RL_PACKET_BITS * transmission->bit_s : 0.0;
     for (int row = 0; row < seen->rows; row++) {
         if (seen->light[row] > RL_BRIGHT) {
             level += (double)seen->signal[row];
@@ -204,7 +202,7 @@ static double likelihood_of(const struct rl_seen *seen, const struct rl_reading 
     level /= fmax(bright, 1.0);
     for (int row = 0; row < seen->rows; row++) {
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - start_s;
-        if (since_s > 0.0 && since_s < RL_PREAMBLE_BITS * reading->bit_s && seen->valid[row]) {
+        if (since_s > 0.0 && since_s < RL_PREAMBLE_BITS * transmission->bit_s && seen->valid[row]) {
             const double dark = 1.0 - seen->light[row];
             const double signal = (double)seen->signal[row] - level;
             cross += dark * signal;
@@ -217,14 +215,15 @@ static double likelihood_of(const struct rl_seen *seen, const struct rl_reading 
     return level > 0.0 ? coefficient * coefficient / ((left + 1.0) * level) : 0.0;
 }
 
-static int32_t corrected_bits(const struct rl_seen *seen, const struct rl_reading *reading)
+static int32_t corrected_bits(const struct rl_seen *seen,
+                              const struct rl_transmission *transmission)
 {
-    const uint32_t packet = rl_packet(reading->id);
+    const uint32_t packet = transmission->bits;
     double sum[RL_PACKET_BITS] = {0.0}, count[RL_PACKET_BITS] = {0.0};
     double newest = -INFINITY, level[2] = {0.0, 0.0}, bits[2] = {0.0, 0.0};
     for (int row = seen->rows - 1; row >= 0; row--) {
         const double middle_s = (seen->begin_s[row] + seen->end_s[row]) / 2;
-        const double since = floor((middle_s - reading->start_s) / reading->bit_s);
+        const double since = floor((middle_s - transmission->start_s) / transmission->bit_s);
         if (seen->valid[row] && since > newest - RL_PACKET_BITS) {
             newest = fmax(newest, since);
             const int bit = rl_bit_of((int)since);
@@ -252,13 +251,14 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement)
 {
     const struct rl_samples *samples = &detector->samples;
+    const struct rl_verdict *verdict = &reading->verdict;
     const struct rl_sensor *sensor = &samples->sensor;
     struct amplitude amplitude;
     int first;
-    struct rl_seen seen = window_of(detector, reading, &first);
+    struct rl_seen seen = window_of(detector, verdict, &first);
     for (int zone = 0; zone < samples->zones; zone++) {
-        look_at(detector, reading, &seen, first, zone);
-        lay_others(detector, reading, zone, &seen);
+        look_at(detector, verdict, &seen, first, zone);
+        lay_others(detector, verdict, zone, &seen);
         fit_amplitude(&seen, zone, &amplitude);
     }
     choose_zones(samples, reading, &amplitude, placement);
@@ -273,9 +273,9 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
                       strongest, amplitude.of, amplitude.variance, sensor->zone_blur);
-    look_at(detector, reading, &seen, first, strongest);
-    placement->likelihood = likelihood_of(&seen, reading);
-    placement->corrected_bits = corrected_bits(&seen, reading);
+    look_at(detector, verdict, &seen, first, strongest);
+    placement->likelihood = likelihood_of(&seen, verdict);
+    placement->corrected_bits = corrected_bits(&seen, &verdict->transmission);
     int last = first + seen.rows - 1;
     while (last > first && samples->stamp_ns[last] == RL_NO_FRAME) {
         last--;

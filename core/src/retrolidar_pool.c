@@ -1,9 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_pool.h"
-
-#include "retrolidar_constants.h"
+/* The packets that have been read lately, in the whole view: who else may be in the samples, and
+ * what becomes known with one that is read.
+ */
+#include "retrolidar_detector_state.h"
 
 #include <math.h>
 
@@ -49,15 +50,18 @@ static bool continues(const struct rl_packet_train *before, const struct rl_pack
     return now->begin_s - before->end_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
 }
 
-const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_samples *samples,
-                                          uint16_t id, const struct rl_packet_train *train,
-                                          const int32_t *zones, int count)
+/* Add a packet, or several that repeat; one that goes on from an active track becomes part of it.
+ */
+static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_samples *samples,
+                                         const struct rl_reading *reading)
 {
+    const struct rl_verdict *verdict = &reading->verdict;
+    const struct rl_packet_train train = {verdict->transmission, verdict->begin_s, verdict->end_s};
     struct rl_active_track *track = NULL;
-    struct rl_packet_train whole = *train;
+    struct rl_packet_train whole = train;
     for (int i = 0; i < pool->count; i++) {
         struct rl_active_track *before = &pool->track[i];
-        if (before->id == id && continues(&before->train, train)) {
+        if (before->id == verdict->id && continues(&before->train, &train)) {
             track = before;
             whole.begin_s = fmin(track->train.begin_s, whole.begin_s);
             whole.end_s = fmax(track->train.end_s, whole.end_s);
@@ -67,10 +71,10 @@ const struct rl_active_track *rl_pool_add(struct rl_pool *pool, const struct rl_
     if (track == NULL) {
         track = free_slot(pool);
     }
-    *track = (struct rl_active_track){.id = id, .train = whole, .zone = zones[0]};
-    for (int i = 0; i < count; i++) {
-        track->zones |= (uint64_t)1 << zones[i];
-        track->near |= around(samples, zones[i]);
+    *track = (struct rl_active_track){verdict->id, whole, .zone = reading->zone[0]};
+    for (int i = 0; i < reading->zones; i++) {
+        track->zones |= (uint64_t)1 << reading->zone[i];
+        track->near |= around(samples, reading->zone[i]);
     }
     return track;
 }
@@ -139,4 +143,80 @@ uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
         zones |= track->train.end_s > since_s ? track->near : 0;
     }
     return zones;
+}
+
+/* Energy of a packet in a zone, beside what else is known to be there; 0 without evidence. */
+static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
+{
+    window->reference = RL_NO_REFERENCE;
+    rl_window_open(window, zone, false, verdict->begin_s, verdict->end_s);
+    const double price = rl_window_follow_gain(window, &verdict->transmission);
+    const double likelihood = rl_window_try(window, &verdict->transmission);
+    double mean = window->has_profile ? 0.0 : 1.0;
+    for (int row = 0; window->has_profile && row < window->rows; row++) {
+        mean += window->profile[row] / window->rows;
+    }
+    const double gain = window->fit.gain * mean;
+    return likelihood - price > window->whitened.null + RL_COST_OF_CHANCE ? gain * gain : 0.0;
+}
+
+/* The zones that saw a packet, of a sum those with a part in it, the strongest first. */
+static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdict, int32_t *zones)
+{
+    const struct rl_channel *sum = &window->samples->channel[verdict->channel];
+    double most = 0.0, energy[RL_MAX_ZONES];
+    int32_t seen = 0;
+    zones[0] = sum->zone[0];
+    if (sum->zones == 1) {
+        return 1;
+    }
+    for (int i = 0; i < sum->zones; i++) {
+        energy[sum->zone[i]] = energy_in(window, sum->zone[i], verdict);
+        most = fmax(most, energy[sum->zone[i]]);
+    }
+    for (int i = 0; i < sum->zones; i++) {
+        if (energy[sum->zone[i]] >= RL_MIN_PART * most) {
+            rl_add_zone(zones, &seen, RL_MAX_READ, sum->zone[i], energy);
+        }
+    }
+    return seen;
+}
+
+/* When the packet begins that the window holds the most of: before the window, if it was joined in
+ * its middle, or a few bits later, if those are of another.
+ */
+static double start_of(const struct rl_verdict *verdict)
+{
+    const struct rl_transmission *transmission = &verdict->transmission;
+    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
+    const double packets = (verdict->begin_s - transmission->start_s) / packet_s;
+    return transmission->repeats ? transmission->start_s + packet_s * floor(packets + 0.25)
+                                 : transmission->start_s;
+}
+
+void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict)
+{
+    const struct rl_samples *samples = &detector->samples;
+    detector->counts.accepted++;
+    if (detector->readings == RL_READINGS) {
+        return;
+    }
+    struct rl_reading *reading = &detector->reading[detector->readings++];
+    struct rl_transmission *transmission = &reading->verdict.transmission;
+    *reading = (struct rl_reading){.verdict = *verdict};
+    reading->zones = zones_of(&detector->window, verdict, reading->zone);
+    /* A packet of many frames may have begun before what is held. */
+    reading->verdict.begin_s =
+        fmax(verdict->begin_s, samples->begin_s[rl_samples_oldest(samples)]);
+    const struct rl_active_track *track = add(&detector->pool, samples, reading);
+    transmission->start_s = start_of(verdict);
+    transmission->dark_before = transmission->dark_after = false;
+    /* Its light hid packets in the zones beside, too. */
+    detector->read_anew |= track->near;
+    for (int channel = 0; channel < samples->channels; channel++) {
+        if ((rl_channel_zones(samples, channel) & track->zones) != 0) {
+            detector->consumed_until_s[channel] =
+                fmax(detector->consumed_until_s[channel], verdict->end_s);
+        }
+    }
 }

@@ -1,7 +1,14 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_presence.h"
+/* Whether a marker that is followed is still there, and still sends the same.
+ *
+ * Each frame the light that was seen is held against the light that was predicted. A hidden Markov
+ * model weighs six explanations: as predicted; hidden; beside another marker, dark or bright, that
+ * is unknown; and of other bits, dark or bright. What stays unseen for too long is gone, whatever
+ * hides it.
+ */
+#include "retrolidar_followed.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,7 +1,11 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_range_filter.h"
+/* Range and range rate of a marker that is followed: an interacting multiple model filter (Blom and
+ * Bar-Shalom 1988). A marker rests, moves evenly, turns as what swings does, or changes its rate at
+ * once; the models weigh themselves by how well they predict.
+ */
+#include "retrolidar_followed.h"
 
 #include <math.h>
 

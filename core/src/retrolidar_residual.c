@@ -1,11 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_residual.h"
-
-#include "retrolidar_constants.h"
-#include "retrolidar_gain_profile.h"
-#include "retrolidar_math.h"
+/* What zones show without the packets that have been read in them: there, fainter ones are found
+ * (successive interference cancellation).
+ */
+#include "retrolidar_detector_state.h"
 
 #include <string.h>
 

@@ -3,8 +3,6 @@
  */
 #include "retrolidar_search.h"
 
-#include "retrolidar_math.h"
-
 #include <math.h>
 #include <string.h>
 

@@ -4,7 +4,6 @@
 #include "retrolidar_target.h"
 
 #include "retrolidar_constants.h"
-#include "retrolidar_lanes.h"
 #include "retrolidar_math.h"
 
 #include <math.h>

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* binding */
 /* Bits that a marker sends, and when. */
 struct rl_transmission {
     uint32_t bits;  /* of a packet, the first one the most significant; 1 = dark */
@@ -19,6 +20,7 @@ struct rl_transmission {
      */
     bool dark_before, dark_after;
 };
+/* end of binding */
 
 /* Packets of one ID that have been read, one behind the other. */
 struct rl_packet_train {

@@ -59,7 +59,7 @@ static int weakest(const struct rl_tracks *tracks)
 static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
 {
     for (int i = 0; i < tracks->count; i++) {
-        if (tracks->track[i].id == reading->id) {
+        if (tracks->track[i].id == reading->verdict.id) {
             return;
         }
     }

@@ -176,7 +176,7 @@ static void see(struct rl_tracks *tracks, const struct rl_followed *followed, in
 static void replay(struct rl_tracks *tracks, struct rl_followed *followed,
                    const struct rl_reading *reading, const struct window *window)
 {
-    const double chance = reading->repeats ? REPEATS : ALONE;
+    const double chance = reading->verdict.transmission.repeats ? REPEATS : ALONE;
     rl_presence_start(&followed->presence, chance);
     for (int row = 0; row < window->rows; row++) {
         see(tracks, followed, reading->zone[0], window->first + row);
@@ -201,17 +201,18 @@ bool rl_tracks_begin(struct rl_tracks *tracks, const struct rl_reading *reading)
     const struct rl_samples *samples = tracks->scenery.samples;
     struct rl_followed *followed = &tracks->track[tracks->count];
     const int zone = reading->zone[0];
-    const double packet_s = RL_PACKET_BITS * reading->bit_s, early_s = samples->period_s / 4;
-    const double begin_s = fmax(reading->begin_s, reading->end_s - packet_s);
+    const struct rl_verdict *verdict = &reading->verdict;
+    const double packet_s = RL_PACKET_BITS * verdict->transmission.bit_s;
+    const double early_s = samples->period_s / 4;
+    const double begin_s = fmax(verdict->begin_s, verdict->end_s - packet_s);
     const int first = rl_samples_row(samples, begin_s + early_s);
-    const int end_row = rl_samples_row(samples, reading->end_s + early_s);
+    const int end_row = rl_samples_row(samples, verdict->end_s + early_s);
     const struct window window = {first,
                                   (end_row < samples->count ? end_row : samples->count) - first};
     if (window.rows < 2) {
         return false;
     }
-    rl_followed_start(followed, reading);
-    followed->first_s = reading->start_s;
+    rl_followed_start(followed, verdict);
     rl_template(&followed->transmission, samples->begin_s + first, samples->end_s + first,
                 window.rows, tracks->light);
     const double depth_m = depth_of(tracks, zone, &window);

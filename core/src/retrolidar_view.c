@@ -3,9 +3,6 @@
  */
 #include "retrolidar_view.h"
 
-#include "retrolidar_lanes.h"
-#include "retrolidar_math.h"
-
 #include <math.h>
 #include <string.h>
 

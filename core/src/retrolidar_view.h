@@ -6,7 +6,7 @@
 #define RETROLIDAR_VIEW_H
 
 #include "retrolidar_codebook.h"
-#include "retrolidar_lanes.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_target.h"
 
 enum {
@@ -88,5 +88,28 @@ void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *t
 /* The same of one lane, of those of all. */
 void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
                 struct rl_lane *one);
+
+/* One step of the elimination: rows from the first on. */
+void rl_lanes_eliminate(float stiff, float ends, const float *restrict known,
+                        const float *restrict value, const float *restrict light_before,
+                        const float *restrict pivot_before, float *restrict light,
+                        float *restrict pivot);
+
+/* One step of the substitution, rows from the last on: what the elimination has left becomes the
+ * level, and the level what is left of the samples. Sums are of the rows from this one on,
+ * negative.
+ */
+void rl_lanes_substitute(const float *restrict level_after, const float *restrict total_after,
+                         const float *restrict power_after, const float *restrict valid_after,
+                         float *restrict pivot, float *restrict light, float *restrict total,
+                         float *restrict power, float *restrict valid);
+
+/* Light of some lanes until an edge, and what a bit has lost since the edge before. */
+void rl_lanes_integrate_and_dump(float share, const float *restrict total,
+                                 const float *restrict light, const float *restrict before,
+                                 float *restrict until, float *restrict soft);
+
+void rl_lanes_summarise(const float *restrict soft, uint32_t bit, float *restrict any,
+                        float *restrict squares, uint32_t *restrict dark);
 
 #endif

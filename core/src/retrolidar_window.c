@@ -4,7 +4,6 @@
 #include "retrolidar_window.h"
 
 #include "retrolidar_constants.h"
-#include "retrolidar_gain_profile.h"
 #include "retrolidar_math.h"
 
 #include <math.h>

@@ -1,7 +1,10 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_zone_light.h"
+/* What zones see of a marker whose light is known at every time: a level that wanders, and a gain,
+ * by which the signal rises with the light.
+ */
+#include "retrolidar_followed.h"
 
 #include <math.h>
 

@@ -70,7 +70,7 @@ PARTS = {
         'pool', 'end_s > since_s ? track->near', 'end_s > since_s ? track->zones'
     ),
     'residual searched again: zones beside, too': Part(
-        'reading', 'read_anew |= track->near', 'read_anew |= track->zones'
+        'pool', 'read_anew |= track->near', 'read_anew |= track->zones'
     ),
     'search of the residual: markers that explain little': Part(
         'gain_profile', '2.0 * RL_COST_OF_CHANCE + (changes', '(changes'

@@ -150,7 +150,7 @@ class LikelihoodDetector:
                 raise MemoryError('no memory for tracks')
             self._tracks = ffi.gc(tracks, lib.rl_tracks_destroy)
         count = lib.rl_tracks_follow(self._tracks)
-        origin_ns = lib.rl_detector_held(self._core).origin_ns if count else 0
+        origin_ns = lib.rl_detector_newest(self._core).origin_ns
         tracks = (lib.rl_tracks_track(self._tracks, index) for index in range(count))
         return [_track(one, frame.stamp_ns, origin_ns) for one in tracks]
 
@@ -201,7 +201,7 @@ class LikelihoodDetector:
 
     def _take(self, now_ns: int) -> list[Detection]:
         """Return the detections of the newest frame, and store the candidates."""
-        held, newest = lib.rl_detector_held(self._core), lib.rl_detector_newest(self._core)
+        newest = lib.rl_detector_newest(self._core)
         before = len(self.candidates)
         for judged in newest.candidate[0 : newest.candidates]:
             self.candidates.append(
@@ -210,8 +210,8 @@ class LikelihoodDetector:
                     zone=judged.channel,
                     packets=judged.packets,
                     reason=_REASONS.get(judged.reason),
-                    start_ns=held.origin_ns + round(judged.start_s * 1e9),
-                    bit_period_s=judged.bit_s,
+                    start_ns=newest.origin_ns + round(judged.transmission.start_s * 1e9),
+                    bit_period_s=judged.transmission.bit_s,
                     evidence=judged.evidence,
                     word=judged.word,
                     margin=judged.margin,
@@ -220,7 +220,7 @@ class LikelihoodDetector:
         detections = []
         for reading in newest.reading[0 : newest.readings]:
             if reading.is_placed:
-                detections.append(self._detection(reading, held.origin_ns))
+                detections.append(self._detection(reading, newest.origin_ns))
             else:
                 self._unplaced += 1
         self._rejections.take(self.candidates[before:], detections, now_ns)
@@ -228,7 +228,7 @@ class LikelihoodDetector:
 
     def _detection(self, reading: Any, origin_ns: int) -> Detection:
         """Return a reading that the core has placed, whose times are since an origin."""
-        where, pitch = reading.placement, self._grid.pitch
+        read, where, pitch = reading.verdict, reading.placement, self._grid.pitch
         zones = tuple(where.zone[0 : where.zones])
         bearing = Bearing(
             self._grid.tangents[zones[0]] + pitch * np.array(list(where.bearing.mean)),
@@ -237,19 +237,19 @@ class LikelihoodDetector:
         # No residual is below the quantisation noise.
         amplitude = max(where.amplitude, self._sensor.signal_step / math.sqrt(12))
         return Detection(
-            id=reading.id,
+            id=read.id,
             stamp_ns=origin_ns + round(where.time_s * 1e9),
-            start_ns=origin_ns + round(reading.start_s * 1e9),
+            start_ns=origin_ns + round(read.transmission.start_s * 1e9),
             end_ns=where.end_ns,
             place=place(bearing, where.range_m, math.sqrt(where.range_variance)),
             snr_db=20 * math.log10(amplitude / math.sqrt(where.noise)),
-            evidence=reading.evidence,
-            decision_margin=reading.margin,
-            bit_period_s=reading.bit_s,
+            evidence=read.evidence,
+            decision_margin=read.margin,
+            bit_period_s=read.transmission.bit_s,
             score=where.score,
             likelihood=where.likelihood,
             corrected_bits=where.corrected_bits,
-            packets=reading.packets,
+            packets=read.packets,
             zones=zones,
         )
 

@@ -205,21 +205,28 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
     return blocks
 
 
+def check_transmission(sent: Any, settings: dict[str, Any]) -> None:
+    """Check what must hold of bits that are judged or read."""
+    assert abs(sent.bit_s / settings['bit_s'] - 1) < 0.05
+    assert np.isfinite(sent.start_s)
+
+
 def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uint16]) -> None:
     """Check what must hold of a detector, whatever it is given."""
     rows, most_packets = settings['rows'], settings['max_packets']
     zones = rows * rows
     sources = sum(side**2 for side in range(rows, rows - 4, -1))  # squares of 1 to 4 zones
-    counts, held = lib.rl_detector_counts(detector), lib.rl_detector_held(detector)
+    counts, held = lib.rl_detector_counts(detector), detector.samples
+    first = lib.rl_samples_oldest(ffi.addressof(detector, 'samples'))
     assert counts.accepted + sum(counts.rejected) == counts.candidates
     assert (held.zones, held.channels) == (zones, sources)
-    assert 0 <= held.first <= held.count <= 4 * KEPT
+    assert 0 <= first <= held.count <= 4 * KEPT
     assert 0 < held.period_s < np.inf
 
     def values(array: Any, columns: int, kind: str) -> NDArray[Any]:
         size = columns * held.capacity * np.dtype(kind).itemsize
         all_rows = np.frombuffer(ffi.buffer(array, size), kind).reshape(columns, -1)
-        return all_rows[:, held.first : held.count]
+        return all_rows[:, first : held.count]
 
     (begin_s,), (end_s,) = (values(one, 1, 'f8') for one in (held.begin_s, held.end_s))
     assert np.isfinite(begin_s).all()
@@ -233,18 +240,19 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
         assert 0 <= one.reason <= lib.RL_READ
         assert 0 <= one.channel < sources
         assert 1 <= one.packets <= most_packets
-        assert abs(one.bit_s / settings['bit_s'] - 1) < 0.05
-        assert np.isfinite([one.start_s, one.evidence, one.margin]).all()
+        check_transmission(one.transmission, settings)
+        assert np.isfinite([one.evidence, one.margin]).all()
         assert np.isfinite(one.word) or one.word == -np.inf
-    for one in newest.reading[0 : newest.readings]:
+    for reading in newest.reading[0 : newest.readings]:
+        one = reading.verdict
         assert one.id in ids if len(ids) else 0 < one.id < IDS - 1
         assert 1 <= one.packets <= most_packets
-        assert abs(one.bit_s / settings['bit_s'] - 1) < 0.05
-        assert np.isfinite([one.start_s, one.begin_s, one.end_s, one.evidence, one.margin]).all()
+        check_transmission(one.transmission, settings)
+        assert np.isfinite([one.begin_s, one.end_s, one.evidence, one.margin]).all()
         assert one.begin_s < one.end_s
         assert one.evidence >= settings['demands']['evidence']
-        assert 1 <= one.zones <= 16
-        assert all(0 <= zone < zones for zone in one.zone[0 : one.zones])
+        assert 1 <= reading.zones <= 16
+        assert all(0 <= zone < zones for zone in reading.zone[0 : reading.zones])
 
 
 def check_places(lib: Any, detector: Any) -> None:
@@ -257,7 +265,7 @@ def check_places(lib: Any, detector: Any) -> None:
         assert 0 < placed.range_m < 20
         assert 0 < placed.range_variance < np.inf
         assert np.isfinite(placed.amplitude)
-        assert one.begin_s - 1 < placed.time_s < one.end_s + 1
+        assert one.verdict.begin_s - 1 < placed.time_s < one.verdict.end_s + 1
         assert placed.noise > 0
         assert placed.likelihood >= 0
         assert 0 <= placed.score < 1 + 1e-9

@@ -188,7 +188,7 @@ def test_the_variation_of_a_zone_is_that_of_its_newest_packet(core: Statistics) 
 def test_a_gain_is_learnt_at_once_where_light_has_moved(
     zone: int, light: float, crossed: bool, learns: bool, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    ffi, lib = bind_core(tmp_path_factory, 'zone_light')
+    ffi, lib = bind_core(tmp_path_factory, 'followed')
     lights, samples = ffi.new('struct rl_zone_light[16]'), ffi.new('struct rl_zone_sample[16]')
     for one in lights:
         one.level, one.level_variance, one.gain_variance, one.excess = 10.0, 0.1, 0.1, 1.0
