@@ -80,7 +80,7 @@ static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
     const double step_s = scenery->step_s;
     rl_range_predict(&followed->range, step_s);
     follow_gains(followed, &before, scenery->samples->zones);
-    rl_zone_predict(followed->zone, scenery->samples->zones, scenery->samples->columns_of_zones,
+    rl_zone_predict(followed->zone, scenery->samples->zones, scenery->samples->sensor.columns,
                     step_s, followed->crossed);
     followed->crossed *= exp(-step_s / CROSSED_S);
     const double rate = fabs(before.rate);
@@ -133,7 +133,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
         amplitude[zone] = followed->zone[zone].gain;
         variance[zone] =
             followed->zone[zone].gain_variance + followed->hidden[zone] * followed->hidden[zone];
-        changed = changed || (rl_zone_beside(zone, strongest, samples->columns_of_zones) &&
+        changed = changed || (rl_zone_beside(zone, strongest, samples->sensor.columns) &&
                               fabs(amplitude[zone] - followed->amplitude[zone]) >
                                   BEARING_DEVIATIONS * sqrt(variance[zone]) + BEARING_SHARE * most);
     }
@@ -145,9 +145,9 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     followed->strongest = strongest;
     followed->bright_frames = 0;
     memcpy(followed->amplitude, amplitude, sizeof amplitude);
-    followed->bearing = rl_bearing_of(scenery->table, samples->rows_of_zones,
-                                      samples->columns_of_zones, strongest, amplitude, variance,
-                                      scenery->sensor->zone_blur);
+    followed->bearing = rl_bearing_of(scenery->table, samples->sensor.rows,
+                                      samples->sensor.columns, strongest, amplitude, variance,
+                                      scenery->samples->sensor.zone_blur);
 }
 
 /* Find the range, then the samples of all zones, of which it says which are the marker's. */
@@ -174,7 +174,7 @@ static struct rl_glance glimpse(struct rl_followed *followed, const struct rl_sc
         .edge_variance = followed->slope * followed->slope * followed->clock.variance,
     };
     *crossed =
-        rl_zone_measure(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance);
+        rl_zone_measure(followed->zone, sample, samples->zones, samples->sensor.columns, &glance);
     if (rl_presence_update(&followed->presence, &glance)) {
         followed->last_ns = samples->stamp_ns[scenery->row];
     }
@@ -192,7 +192,7 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
     move(followed, scenery);
     look(followed, scenery, sample);
     const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);
-    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance,
+    rl_zone_update(followed->zone, sample, samples->zones, samples->sensor.columns, &glance,
                    crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
 }
@@ -225,7 +225,7 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
         off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance + glance.edge_variance))) {
         /* Darker than dark: another marker, which was a part of the level, has begun to send. */
         if (glance.light < SHARED_LIGHT && glance.measured < glance.light) {
-            rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones,
+            rl_zone_update(followed->zone, sample, samples->zones, samples->sensor.columns,
                            &glance, false);
         }
         rescale(followed, samples->zones, &glance);
@@ -233,7 +233,7 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    rl_zone_update(followed->zone, sample, samples->zones, samples->columns_of_zones, &glance,
+    rl_zone_update(followed->zone, sample, samples->zones, samples->sensor.columns, &glance,
                    crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
     if (followed->light > SHARED_LIGHT) {

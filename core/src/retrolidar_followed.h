@@ -154,7 +154,6 @@ struct rl_followed {
 /* What a marker is followed in. */
 struct rl_scenery {
     const struct rl_samples *samples;
-    const struct rl_sensor *sensor;
     const struct rl_bearing_table *table;
     int row;
     double step_s; /* since the frame before */

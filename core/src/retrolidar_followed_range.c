@@ -24,20 +24,21 @@ static const int MAX_MISSES = 3;
 /* How far from the marker light is that is not known. */
 static const double UNKNOWN_M = 0.2;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
-static const double MOUNTING_M = 0.005;
 static const double MIN_BEHIND = 0.5;    /* of it in what is measured */
 static const double MIN_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
 static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
 
-static double law_of(const struct rl_sensor *sensor, double signal)
+/* Variance of a distance at a signal, by the law [m^2]. */
+static double law_of(const struct rl_scenery *scenery, double signal)
 {
+    const struct rl_sensor *sensor = &scenery->samples->sensor;
     const double shot_m = sensor->ranging_shot / fmax(signal, 1e-3);
     return shot_m * shot_m + sensor->ranging_floor_m * sensor->ranging_floor_m;
 }
 
 static double to_range(const struct rl_scenery *scenery, int zone, double depth_m)
 {
-    const struct rl_sensor *sensor = scenery->sensor;
+    const struct rl_sensor *sensor = &scenery->samples->sensor;
     return depth_m / sensor->z_per_range[zone] - sensor->range_offset_m;
 }
 
@@ -71,7 +72,7 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const double beyond_m = range_m - place.range_m;
     const double spread_m =
-        5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery->sensor, signal));
+        5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery, signal));
     /* A marker that has come nearer is brighter, too. */
     const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
     const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
@@ -88,10 +89,11 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
  * (`retrolidar_ranging.c`). Return by how far it is behind; find the chance that it is so, and the
  * variance.
  */
-static double behind_of(const struct rl_background *behind, double separable_m, double *chance,
-                        double *variance)
+static double behind_of(const struct rl_background *behind, const struct rl_scenery *scenery,
+                        double *chance, double *variance)
 {
-    const double mounting = MOUNTING_M * MOUNTING_M;
+    const double separable_m = scenery->samples->sensor.separable_m;
+    const double mounting = RL_MOUNTING_M * RL_MOUNTING_M;
     *chance = 0.0;
     *variance = mounting;
     if (behind->precision < MIN_PRECISION || fabs(behind->offset_m) > separable_m) {
@@ -99,9 +101,7 @@ static double behind_of(const struct rl_background *behind, double separable_m, 
     }
     const double noise = 1.0 / behind->precision, spread = noise + mounting;
     const double squared = behind->offset_m * behind->offset_m;
-    const double mounted = exp(-squared / (2.0 * spread)) / sqrt(6.283185307179586 * spread);
-    const double anywhere = 1.0 / (2.0 * separable_m);
-    *chance = anywhere / (mounted + anywhere);
+    *chance = rl_chance_apart(squared, spread, separable_m);
     *variance = (1.0 - *chance) * noise * mounting / spread + *chance * noise +
                 *chance * (1.0 - *chance) * squared;
     return behind->offset_m;
@@ -116,7 +116,7 @@ static void see_behind(struct rl_followed *followed, const struct rl_scenery *sc
     const double own = followed->light * fmax(light->gain, 0.0);
     const double share = fmax(light->level, 0.0) / fmax(fmax(light->level, 0.0) + own, 1e-3);
     const struct rl_motion place = rl_range_estimate(&followed->range);
-    const double noise = followed->noise_scale * law_of(scenery->sensor, signal);
+    const double noise = followed->noise_scale * law_of(scenery, signal);
     const double precision = share * share / (noise + place.variance);
     const double off_m = range_m - place.range_m - share * behind->offset_m;
     if (share < MIN_BEHIND) {
@@ -162,7 +162,7 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
                             double *signal, double *variance)
 {
     const double other = scenery->other[zone], whole = *signal;
-    *variance = law_of(scenery->sensor, whole);
+    *variance = law_of(scenery, whole);
     if (other <= 0.0) {
         return true;
     }
@@ -173,7 +173,7 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
     *variance = whole / own * whole / own * *variance + error_m * error_m;
     *range_m = other_m + apart_m;
     *signal = own;
-    return own > MIN_OWN * whole && fabs(apart_m) < scenery->sensor->separable_m;
+    return own > MIN_OWN * whole && fabs(apart_m) < scenery->samples->sensor.separable_m;
 }
 
 /* The share of the light that is not explained, if a marker that is not known may be there. */
@@ -216,7 +216,7 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double variance = noise + place.rate_variance * late_s * late_s + unknown_m * unknown_m;
     double chance, offset_variance;
     const double offset_m =
-        behind_of(&followed->behind[zone], scenery->sensor->separable_m, &chance, &offset_variance);
+        behind_of(&followed->behind[zone], scenery, &chance, &offset_variance);
     const double mixed = share * chance;
     const double own_m =
         (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
@@ -246,7 +246,7 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
     const struct rl_samples *samples = scenery->samples;
     const int strongest = rl_zone_strongest(followed->zone, samples->zones);
     for (int zone = 0; zone < samples->zones; zone++) {
-        if (!rl_zone_beside(zone, strongest, samples->columns_of_zones)) {
+        if (!rl_zone_beside(zone, strongest, samples->sensor.columns)) {
             continue;
         }
         const struct rl_zone_light *light = &followed->zone[zone];

@@ -24,14 +24,6 @@ static float min_of(float nats, const struct rl_soft_summary *summary)
     return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
 
-static struct rl_energy energy_of(const struct rl_demand *demand, const struct rl_trial *trial)
-{
-    struct rl_energy energy = demand->energy;
-    energy.own = trial->own;
-    energy.adjacent = trial->adjacent;
-    return energy;
-}
-
 /* The first slot that no entry refers to. There is one: slots are one more than entries of
  * different trials.
  */
@@ -51,23 +43,34 @@ static int free_slot(const struct rl_shortlist *shortlist)
     return slot;
 }
 
+/* Keep an item if it is among the best, and better than the one of its kind: `same` is the index of
+ * that, or the count if there is none.
+ */
+static void keep_best_of_kind(void *kept, int *count, int max_count, int same, const void *item,
+                              size_t size)
+{
+    char *other = (char *)kept + (size_t)same * size;
+    if (same < *count) {
+        if (*(const float *)(const void *)other >= *(const float *)item) {
+            return;
+        }
+        (*count)--;
+        memmove(other, other + size, (size_t)(*count - same) * size);
+    }
+    rl_keep_best(kept, count, max_count, item, size);
+}
+
 /* Keep the best sequence of each clock. */
 static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_entry entry)
 {
     const struct rl_slot *slots = shortlist->slot;
-    struct rl_shortlist_entry *sequence = shortlist->sequence;
-    for (int i = 0; i < shortlist->sequences; i++) {
-        if (slots[sequence[i].slot].trial.bit_s == slots[entry.slot].trial.bit_s) {
-            if (sequence[i].nats >= entry.nats) {
-                return;
-            }
-            shortlist->sequences--;
-            memmove(sequence + i, sequence + i + 1,
-                    (size_t)(shortlist->sequences - i) * sizeof *sequence);
-            break;
-        }
+    struct rl_shortlist_entry *kept = shortlist->sequence;
+    int same = 0;
+    while (same < shortlist->sequences &&
+           slots[kept[same].slot].trial.bit_s != slots[entry.slot].trial.bit_s) {
+        same++;
     }
-    rl_keep_best(sequence, &shortlist->sequences, RL_TRIED, &entry, sizeof entry);
+    keep_best_of_kind(kept, &shortlist->sequences, RL_TRIED, same, &entry, sizeof entry);
 }
 
 /* What any sequence of bits explains at the most. */
@@ -77,9 +80,8 @@ static float any_squared(const struct rl_demand *demand, const struct rl_trial *
     if (summary->dark == 0 || summary->samples < 2.0f) {
         return 0.0f;
     }
-    const struct rl_energy energy = energy_of(demand, trial);
     return summary->any * summary->any /
-           (rl_energy_of(&energy, demand->smooth, summary->dark) * (float)trial->packets);
+           (rl_energy_of(&trial->energy, demand->smooth, summary->dark) * (float)trial->packets);
 }
 
 float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
@@ -88,48 +90,48 @@ float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *
     return nats_of(any_squared(demand, trial, summary), summary);
 }
 
-bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
-                              const struct rl_soft_summary *summary)
-{
-    const float squared = any_squared(demand, trial, summary);
-    return squared > 0.0f && squared >= min_of(demand->least, summary);
-}
-
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
-                      const struct rl_trial *trial, const struct rl_lane *lane, int shifts)
+                      const struct rl_trial *trial, const struct rl_sums *sums, int lane,
+                      int shifts)
 {
-    if (!rl_shortlist_is_possible(demand, trial, &lane->summary)) {
+    const struct rl_soft_summary *summary = &sums->summary[lane];
+    const float any = any_squared(demand, trial, summary);
+    const float least = min_of(demand->least, summary);
+    if (any <= 0.0f || any < least) {
         return;
     }
-    const float upper_bound = rl_llr_upper_bound(demand, trial, &lane->summary);
-    const float least = min_of(demand->least, &lane->summary);
-    const struct rl_energy energy = energy_of(demand, trial);
+    const float upper_bound = nats_of(any, summary);
     const int slot = free_slot(shortlist);
+    float *soft = shortlist->slot[slot].soft;
     /* Of a part the preamble need not be seen, so that any start may be the right one. */
     const int max_words = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
-    shortlist->slot[slot] = (struct rl_slot){*trial, *lane};
+    shortlist->slot[slot].trial = *trial;
+    shortlist->slot[slot].summary = *summary;
+    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
+        soft[bit] = sums->soft[lane / RL_LANES][bit][lane % RL_LANES];
+    }
     keep_sequence(shortlist, (struct rl_shortlist_entry){upper_bound, 0, slot});
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
-    memcpy(twice, lane->soft, sizeof lane->soft);
-    memcpy(twice + RL_PACKET_BITS, lane->soft, sizeof lane->soft);
+    memcpy(twice, soft, RL_PACKET_BITS * sizeof *soft);
+    memcpy(twice + RL_PACKET_BITS, soft, RL_PACKET_BITS * sizeof *soft);
     for (int bit = 0; bit < RL_PACKET_BITS + shifts - 1; bit++) {
         until[bit + 1] = until[bit] + rl_maxf(twice[bit], 0.0f);
     }
     for (int shift = 0; shift < shifts; shift++) {
-        const float *soft = twice + shift;
         const float word = until[shift + RL_PACKET_BITS] - until[shift + RL_PREAMBLE_BITS];
-        const float sum = rl_add_preamble(word, soft);
+        const float sum = rl_add_preamble(word, twice + shift);
         if (sum <= 0.0f) {
             continue;
         }
-        const uint32_t dark = rl_rotate_bits(lane->summary.dark, shift) & WORD_MASK;
+        const uint32_t dark = rl_rotate_bits(summary->dark, shift) & WORD_MASK;
         const uint32_t bits = rl_rotate_bits(PREAMBLE | dark, RL_PACKET_BITS - shift) & trial->seen;
         const float squared =
-            sum * sum / (rl_energy_of(&energy, demand->smooth, bits) * (float)trial->packets);
+            sum * sum /
+            (rl_energy_of(&trial->energy, demand->smooth, bits) * (float)trial->packets);
         if (squared < least) {
             continue;
         }
-        const float nats = nats_of(squared, &lane->summary);
+        const float nats = nats_of(squared, summary);
         if (upper_bound - nats <= demand->max_llr_deficit) {
             const struct rl_shortlist_entry entry = {nats, shift, slot};
             rl_keep_best(shortlist->word, &shortlist->words, max_words, &entry, sizeof entry);
@@ -140,18 +142,18 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
 /* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
  * time. In a long run the level is taken for the light of its bits, and their signs say little.
  */
-static uint32_t best_bits(const struct rl_energy *energy, const struct rl_smooth *smooth,
-                          const struct rl_lane *lane)
+static uint32_t best_bits(const struct rl_slot *slot, const struct rl_smooth *smooth)
 {
-    float sum = lane->summary.any;
-    uint32_t bits = lane->summary.dark;
+    const struct rl_energy *energy = &slot->trial.energy;
+    float sum = slot->summary.any;
+    uint32_t bits = slot->summary.dark;
     float best = sum * sum / rl_energy_of(energy, smooth, bits);
     for (int flipped = 0; flipped >= 0;) {
         float best_sum = sum;
         flipped = -1;
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             const uint32_t other = bits ^ rl_packet_bit(bit);
-            const float other_sum = other & ~bits ? sum + lane->soft[bit] : sum - lane->soft[bit];
+            const float other_sum = other & ~bits ? sum + slot->soft[bit] : sum - slot->soft[bit];
             if (other == 0 || other_sum <= 0.0f) {
                 continue;
             }
@@ -178,18 +180,11 @@ static double start_of(const struct rl_trial *trial)
 /* Keep the best hit of each ID. */
 static void keep_hit(struct rl_hits *hits, const struct rl_hit *hit)
 {
-    for (int i = 0; i < hits->count; i++) {
-        struct rl_hit *other = &hits->hit[i];
-        if (other->id == hit->id) {
-            if (other->nats >= hit->nats) {
-                return;
-            }
-            hits->count--;
-            memmove(other, other + 1, (size_t)(hits->count - i) * sizeof *other);
-            break;
-        }
+    int same = 0;
+    while (same < hits->count && hits->hit[same].id != hit->id) {
+        same++;
     }
-    rl_keep_best(hits->hit, &hits->count, RL_HITS, hit, sizeof *hit);
+    keep_best_of_kind(hits->hit, &hits->count, RL_HITS, same, hit, sizeof *hit);
 }
 
 int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left)
@@ -221,24 +216,23 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const struct rl_shortlist_entry *entry = &shortlist->word[word];
         const struct rl_slot *slot = &shortlist->slot[entry->slot];
         const struct rl_trial *trial = &slot->trial;
-        const struct rl_energy energy = energy_of(demand, trial);
         const float packets = (float)trial->packets;
         /* A word that others exceed by so much is none, and no rival either. */
-        const float upper_bound = rl_llr_upper_bound(demand, trial, &slot->lane.summary);
+        const float upper_bound = rl_llr_upper_bound(demand, trial, &slot->summary);
         const float min_nats = rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
-        const float least = min_of(min_nats, &slot->lane.summary);
+        const float least = min_of(min_nats, &slot->summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            soft[bit] = slot->lane.soft[(bit + entry->shift) % RL_PACKET_BITS];
+            soft[bit] = slot->soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
-        rl_codebook_best(codebook, &energy, demand->smooth, soft, trial->seen, entry->shift,
+        rl_codebook_best(codebook, &trial->energy, demand->smooth, soft, trial->seen, entry->shift,
                          least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
             const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
-                .nats = nats_of(best[i].squared / packets, &slot->lane.summary),
+                .nats = nats_of(best[i].squared / packets, &slot->summary),
                 .id = codebook->id[best[i].index],
                 .transmission = {.bits = codebook->packet[best[i].index],
                                  .repeats = demand->repeats,
@@ -250,9 +244,8 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
     }
     for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
         const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
-        const struct rl_energy energy = energy_of(demand, &slot->trial);
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(&energy, demand->smooth, &slot->lane),
+            .bits = best_bits(slot, demand->smooth),
             .repeats = demand->repeats,
             .start_s = start_of(&slot->trial),
             .bit_s = slot->trial.bit_s,

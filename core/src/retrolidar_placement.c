@@ -123,7 +123,7 @@ static bool is_near(const struct rl_samples *samples, const struct rl_reading *r
             return true;
         }
     }
-    return rl_zone_beside(zone, reading->zone[0], samples->columns_of_zones);
+    return rl_zone_beside(zone, reading->zone[0], samples->sensor.columns);
 }
 
 /* The zones that saw the packet, those first whose light is strongest for certain: another marker
@@ -271,7 +271,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     placement->score = amplitude.score[strongest];
     placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
     placement->bearing =
-        rl_bearing_of(&detector->bearing, samples->rows_of_zones, samples->columns_of_zones,
+        rl_bearing_of(&detector->bearing, samples->sensor.rows, samples->sensor.columns,
                       strongest, amplitude.of, amplitude.variance, sensor->zone_blur);
     look_at(detector, verdict, &seen, first, strongest);
     placement->likelihood = likelihood_of(&seen, verdict);

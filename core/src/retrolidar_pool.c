@@ -24,7 +24,7 @@ static uint64_t around(const struct rl_samples *samples, int zone)
 {
     uint64_t zones = 0;
     for (int other = 0; other < samples->zones; other++) {
-        const bool is_beside = rl_zone_beside(zone, other, samples->columns_of_zones);
+        const bool is_beside = rl_zone_beside(zone, other, samples->sensor.columns);
         zones |= (uint64_t)is_beside << other;
     }
     return zones;

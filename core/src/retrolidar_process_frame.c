@@ -158,7 +158,7 @@ static void search_beside(struct rl_detector *detector, double to_s)
             const double whole = rl_noise_variation(samples, zone);
             if (zone == reference || whole < RL_STRONG ||
                 rl_noise_variation(samples, reference) < RL_STRONG ||
-                !rl_zone_beside(zone, reference, samples->columns_of_zones)) {
+                !rl_zone_beside(zone, reference, samples->sensor.columns)) {
                 continue;
             }
             const double rest = rl_residual_cancel(&detector->residual, zone, reference, since_s);

@@ -11,8 +11,6 @@ enum { OWN = 1, DARK = 2, MIN_DISTANCES = 2 };
 
 /* A zone sees the marker while its signal has this share of that at this quantile. */
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
-/* Distance of a marker from the surface that it is mounted on. */
-static const double MOUNTING_M = 0.005;
 static const double TWO_PI = 6.283185307179586;
 
 /* The value that a share of some values are below, which it moves. */
@@ -39,6 +37,13 @@ static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *part
     return gap_m >= separable_m || (gap_m >= separable_m - RL_UNSURE_M && beyond_m > separable_m);
 }
 
+double rl_chance_apart(double squared, double spread, double separable_m)
+{
+    const double mounted = exp(-squared / (2 * spread)) / sqrt(TWO_PI * spread);
+    const double anywhere = 1 / (2 * separable_m);
+    return anywhere / (mounted + anywhere);
+}
+
 /* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
  * marker is mounted on, at its own distance, and then subtracting it only adds noise. So two
  * hypotheses are weighted by the step between the two distances: that it is noise and mounting, or
@@ -51,11 +56,9 @@ static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, doubl
 {
     const double step_m = parted->depth_m - plain->depth_m;
     const double noise = fmax(parted->variance - plain->variance, 0.0);
-    const double mounting = MOUNTING_M * share * MOUNTING_M * share;
+    const double mounting = RL_MOUNTING_M * share * RL_MOUNTING_M * share;
     const double spread = noise + mounting;
-    const double mounted = exp(-step_m * step_m / (2 * spread)) / sqrt(TWO_PI * spread);
-    const double anywhere = 1 / (2 * separable_m * share);
-    const double chance = anywhere / (mounted + anywhere);
+    const double chance = rl_chance_apart(step_m * step_m, spread, separable_m * share);
     const double near_m = plain->depth_m + step_m * mounting / spread;
     const double near_variance = plain->variance + noise * mounting / spread;
     const double apart_m = parted->depth_m - near_m;

@@ -10,6 +10,9 @@
 
 #include <stdbool.h>
 
+/* Distance of a marker from the surface that it is mounted on. */
+static const double RL_MOUNTING_M = 0.005;
+
 /* binding */
 enum { RL_MAX_OTHERS = 2 }; /* markers beside one in a zone */
 
@@ -55,5 +58,10 @@ double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
  */
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
                        struct rl_ranged *found, double *others);
+
+/* The chance that what is so far from a marker is a background, anywhere that merges, and not its
+ * mounting; spread: variance of a mounting's distance [m^2].
+ */
+double rl_chance_apart(double squared, double spread, double separable_m);
 
 #endif

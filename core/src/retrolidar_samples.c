@@ -34,8 +34,6 @@ void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor
 {
     memset(samples, 0, sizeof *samples);
     samples->sensor = *sensor;
-    samples->rows_of_zones = sensor->rows;
-    samples->columns_of_zones = sensor->columns;
     samples->zones = sensor->rows * sensor->columns;
     samples->channels = list_channels(sensor->rows, sensor->columns, samples->channel);
     samples->kept = kept;

@@ -34,7 +34,7 @@ struct rl_channel {
  */
 struct rl_samples {
     struct rl_sensor sensor;
-    int rows_of_zones, columns_of_zones, zones;
+    int zones;
     int channels;
     struct rl_channel channel[RL_MAX_CHANNELS];
     int kept;                /* rows that are held for sure */

@@ -71,28 +71,34 @@ static void plan(struct rl_search *search)
     }
 }
 
+static void integrate_all(struct rl_search *search, const struct rl_trial *trial)
+{
+    for (int group = 0; group < search->view.lanes / RL_LANES; group++) {
+        rl_view_integrate_and_dump(&search->view, trial, group, &search->sums);
+    }
+}
+
 /* Try packets that end at one time, at all clocks, in all lanes or in those that are promising. */
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
     const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
-    struct rl_trial trial = {.end_s = end_s, .packets = 1};
+    struct rl_trial trial = {.end_s = end_s, .packets = 1, .energy = demand->energy};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
         if (all) {
-            rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
+            integrate_all(search, &trial);
         }
         for (int lane = 0; lane < count; lane++) {
-            struct rl_lane one;
-            if (all && rl_shortlist_is_possible(demand, &trial, &search->sums.summary[lane])) {
-                rl_lane_of(&search->view, &search->sums, lane, &one);
-                rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
-            } else if (!all && search->shortlist[lane].words > 0) {
-                rl_view_integrate_lane(&search->view, &trial, lane, &one);
-                rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, shifts);
+            if (!all && search->shortlist[lane].words == 0) {
+                continue;
             }
+            if (!all) {
+                rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
+            }
+            rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane, shifts);
         }
     }
 }
@@ -119,25 +125,18 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     }
 }
 
-static struct stretch stretch_of(const struct rl_trial *trial,
-                                 const struct rl_soft_summary *summary)
-{
-    const float expected = trial->own * (float)trial->packets * summary->power;
-    return (struct stretch){summary->squares / expected, *trial, *summary};
-}
-
 /* Hold the bits of a stretch against all starts. */
 static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
                          const struct rl_demand *demand)
 {
     struct rl_trial trial = stretch->trial;
-    struct rl_lane one;
     if (rl_llr_upper_bound(demand, &trial, &stretch->summary) < (float)RL_MOST * demand->least) {
         return;
     }
     rl_view_place_bit_edges(&search->view, &trial);
-    rl_view_integrate_lane(&search->view, &trial, lane, &one);
-    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &one, RL_PACKET_BITS);
+    rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
+    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane,
+                     RL_PACKET_BITS);
 }
 
 static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
@@ -155,12 +154,16 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     }
     for (int clock = -clocks; clock <= clocks; clock++) {
         for (int quarter = 0; quarter < RL_PHASES; quarter++) {
-            struct rl_trial trial = {.packets = packets, .bit_s = bit_s * (1.0 + clock * skew)};
+            struct rl_trial trial = {.packets = packets,
+                                     .bit_s = bit_s * (1.0 + clock * skew),
+                                     .energy = demand->energy};
             trial.end_s = middle_s - quarter * bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_place_bit_edges(&search->view, &trial);
-            rl_view_integrate_and_dump(&search->view, &trial, &search->sums);
+            integrate_all(search, &trial);
             for (int lane = 0; lane < count; lane++) {
-                const struct stretch one = stretch_of(&trial, &search->sums.summary[lane]);
+                const struct rl_soft_summary *summary = &search->sums.summary[lane];
+                const float expected = trial.energy.own * (float)packets * summary->power;
+                const struct stretch one = {summary->squares / expected, trial, *summary};
                 rl_keep_best(kept[lane].stretch, &kept[lane].count, RL_TRIED, &one, sizeof one);
             }
         }

@@ -37,7 +37,8 @@ struct rl_shortlist_entry {
 /* A trial, and what it makes of a lane. */
 struct rl_slot {
     struct rl_trial trial;
-    struct rl_lane lane;
+    float soft[RL_PACKET_BITS];
+    struct rl_soft_summary summary;
 };
 
 /* The best hits of different IDs; and the sequences that explain the samples best, each of another
@@ -73,15 +74,12 @@ struct rl_demand {
 float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary);
 
-/* Whether a trial may hold a packet. */
-bool rl_shortlist_is_possible(const struct rl_demand *demand, const struct rl_trial *trial,
-                              const struct rl_soft_summary *summary);
-
-/* Note what a trial holds if it is possible: sequences, and packets that begin with one of its
- * first bits.
+/* Note what a trial holds of a lane if that may be a packet: sequences, and packets that begin with
+ * one of its first bits.
  */
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
-                      const struct rl_trial *trial, const struct rl_lane *lane, int shifts);
+                      const struct rl_trial *trial, const struct rl_sums *sums, int lane,
+                      int shifts);
 
 /* Give up the least promising words of some channels, as far as there are more than are left; take
  * the others off what is left, and return how many were given up.

@@ -28,7 +28,6 @@ struct rl_tracks *rl_tracks_create(struct rl_detector *detector)
     tracks->distance = (float *)(tracks->light + rows);
     tracks->scenery = (struct rl_scenery){
         .samples = &detector->samples,
-        .sensor = &detector->samples.sensor,
         .table = &detector->bearing,
     };
     tracks->origin_ns = RL_NO_FRAME;
@@ -133,9 +132,9 @@ struct rl_marker_track rl_tracks_track(const struct rl_tracks *tracks, int32_t i
 {
     const struct rl_followed *followed = &tracks->track[index];
     const struct rl_motion place = rl_range_estimate(&followed->range);
-    const int columns = tracks->scenery.samples->columns_of_zones;
-    const int rows = tracks->scenery.samples->rows_of_zones;
-    const double pitch = tracks->scenery.sensor->zone_pitch;
+    const int columns = tracks->scenery.samples->sensor.columns;
+    const int rows = tracks->scenery.samples->sensor.rows;
+    const double pitch = tracks->scenery.samples->sensor.zone_pitch;
     const double middle[2] = {followed->strongest % columns - (columns - 1) / 2.0,
                               followed->strongest / columns - (rows - 1) / 2.0};
     struct rl_marker_track track = {

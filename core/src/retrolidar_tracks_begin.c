@@ -64,7 +64,7 @@ static bool is_beside(const struct rl_tracks *tracks, const struct rl_followed *
 {
     const struct rl_samples *samples = tracks->scenery.samples;
     const int strongest = rl_zone_strongest(followed->zone, samples->zones);
-    return rl_zone_beside(zone, strongest, samples->columns_of_zones);
+    return rl_zone_beside(zone, strongest, samples->sensor.columns);
 }
 
 static double light_of(const struct rl_followed *followed, const struct rl_samples *samples,

@@ -160,8 +160,8 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     const float exposures = (float)(last->row - first->row) + last->share - first->share;
     const float outside = first->share * (1.0f - first->share);
     const float ended = last->share * (1.0f - last->share);
-    trial->own = (exposures - 2.0f * shared + outside + ended) / rl_maxf((float)seen, 1.0f);
-    trial->adjacent = (shared - outside) / rl_maxf((float)seen, 1.0f);
+    trial->energy.own = (exposures - 2.0f * shared + outside + ended) / rl_maxf((float)seen, 1.0f);
+    trial->energy.adjacent = (shared - outside) / rl_maxf((float)seen, 1.0f);
 }
 
 /* Power and number of the samples of a lane; bits of which samples are missing have so much less
@@ -180,64 +180,31 @@ static struct rl_soft_summary summary_of(const struct rl_view *view, const struc
     return (struct rl_soft_summary){.power = rl_maxf(power, 1e-6f), .samples = samples};
 }
 
-void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial,
+void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial, int group,
                                 struct rl_sums *sums)
 {
-    const size_t lanes = (size_t)view->lanes;
+    const size_t lanes = (size_t)view->lanes, lane = (size_t)group * RL_LANES;
     const int bits = RL_PACKET_BITS * trial->packets;
-    memset(sums->soft, 0, RL_PACKET_BITS * lanes * sizeof *sums->soft);
-    for (size_t lane = 0; lane < lanes; lane += RL_LANES) {
-        float until[2][RL_LANES] = {{0.0f}}, unused[RL_LANES] = {0.0f};
-        for (int edge = 0, bit = 0; edge <= bits; edge++) {
-            const size_t at = (size_t)view->edge[edge].row * lanes + lane;
-            float *soft = edge > 0 ? sums->soft + (size_t)bit * lanes + lane : unused;
-            rl_lanes_integrate_and_dump(view->edge[edge].share, view->total + at, view->light + at,
-                                        until[(edge + 1) % 2], until[edge % 2], soft);
-            bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
-        }
-        float any[RL_LANES] = {0.0f}, squares[RL_LANES] = {0.0f};
-        uint32_t dark[RL_LANES] = {0};
-        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            rl_lanes_summarise(sums->soft + (size_t)bit * lanes + lane, rl_packet_bit(bit), any,
-                               squares, dark);
-        }
-        for (int i = 0; i < RL_LANES; i++) {
-            struct rl_soft_summary *one = &sums->summary[lane + (size_t)i];
-            *one = summary_of(view, trial, (int)lane + i);
-            one->dark = dark[i];
-            one->any = any[i];
-            one->squares = squares[i];
-        }
-    }
-}
-
-void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
-                            struct rl_lane *sums)
-{
-    const size_t lanes = (size_t)view->lanes;
-    const int bits = RL_PACKET_BITS * trial->packets;
-    float before = 0.0f;
-    memset(sums->soft, 0, sizeof sums->soft);
+    float(*soft)[RL_LANES] = sums->soft[group];
+    float until[2][RL_LANES] = {{0.0f}}, unused[RL_LANES] = {0.0f};
+    memset(soft, 0, sizeof sums->soft[group]);
     for (int edge = 0, bit = 0; edge <= bits; edge++) {
-        const size_t at = (size_t)view->edge[edge].row * lanes + (size_t)lane;
-        const float until = view->total[at] + view->edge[edge].share * view->light[at];
-        sums->soft[bit] += edge > 0 ? before - until : 0.0f;
-        before = until;
+        const size_t at = (size_t)view->edge[edge].row * lanes + lane;
+        rl_lanes_integrate_and_dump(view->edge[edge].share, view->total + at, view->light + at,
+                                    until[(edge + 1) % 2], until[edge % 2],
+                                    edge > 0 ? soft[bit] : unused);
         bit = edge == 0 || bit + 1 == RL_PACKET_BITS ? 0 : bit + 1;
     }
-    sums->summary = summary_of(view, trial, lane);
+    float any[RL_LANES] = {0.0f}, squares[RL_LANES] = {0.0f};
+    uint32_t dark[RL_LANES] = {0};
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        sums->summary.dark |= sums->soft[bit] > 0.0f ? rl_packet_bit(bit) : 0u;
-        sums->summary.any += rl_maxf(sums->soft[bit], 0.0f);
-        sums->summary.squares += sums->soft[bit] * sums->soft[bit];
+        rl_lanes_summarise(soft[bit], rl_packet_bit(bit), any, squares, dark);
     }
-}
-
-void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
-                struct rl_lane *one)
-{
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        one->soft[bit] = sums->soft[(size_t)bit * (size_t)view->lanes + (size_t)lane];
+    for (int i = 0; i < RL_LANES; i++) {
+        struct rl_soft_summary *one = &sums->summary[lane + (size_t)i];
+        *one = summary_of(view, trial, (int)lane + i);
+        one->dark = dark[i];
+        one->any = any[i];
+        one->squares = squares[i];
     }
-    one->summary = sums->summary[lane];
 }

@@ -41,9 +41,9 @@ struct rl_view {
 /* What is tried: where bits begin and end. */
 struct rl_trial {
     double end_s, bit_s;
-    int packets;         /* back to back, to be laid on top of each other */
-    uint32_t seen;       /* bits that ended after the window began */
-    float own, adjacent; /* mean energy of a bit that is seen, and of two side by side */
+    int packets;             /* back to back, to be laid on top of each other */
+    uint32_t seen;           /* bits that ended after the window began */
+    struct rl_energy energy; /* mean one of bits that are seen */
 };
 
 /* What the soft bits of a lane can be at the most. */
@@ -55,16 +55,10 @@ struct rl_soft_summary {
     float samples; /* valid ones */
 };
 
-/* What a trial makes of all lanes. */
+/* What a trial makes of all lanes, which are in groups of RL_LANES. */
 struct rl_sums {
-    float soft[RL_PACKET_BITS * RL_MAX_LANES]; /* light of each bit and lane, positive = dark */
+    float soft[RL_MAX_LANES / RL_LANES][RL_PACKET_BITS][RL_LANES]; /* light, positive = dark */
     struct rl_soft_summary summary[RL_MAX_LANES];
-};
-
-/* What a trial makes of one lane. */
-struct rl_lane {
-    float soft[RL_PACKET_BITS];
-    struct rl_soft_summary summary;
 };
 
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
@@ -79,15 +73,9 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
 /* Find where the bits of a trial begin and end, and their energies. */
 void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial);
 
-/* Cut all lanes, or one, into the bits of the trial that was laid last. */
-void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial,
+/* Cut a group of lanes into the bits of the trial that was laid last. */
+void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial, int group,
                                 struct rl_sums *sums);
-void rl_view_integrate_lane(const struct rl_view *view, const struct rl_trial *trial, int lane,
-                            struct rl_lane *sums);
-
-/* The same of one lane, of those of all. */
-void rl_lane_of(const struct rl_view *view, const struct rl_sums *sums, int lane,
-                struct rl_lane *one);
 
 /* One step of the elimination: rows from the first on. */
 void rl_lanes_eliminate(float stiff, float ends, const float *restrict known,

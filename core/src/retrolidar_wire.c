@@ -12,24 +12,25 @@ struct encoder {
     uint16_t crc;
 };
 
+static void end_block(struct encoder *encoder)
+{
+    encoder->line[encoder->code_at] = encoder->code;
+    encoder->code_at = encoder->length++;
+    encoder->code = 1;
+}
+
 static void put_cobs(struct encoder *encoder, uint8_t byte)
 {
     /* A full block stands for no zero, so another one follows only if there is another byte. */
-    if (encoder->code == 0xFF || byte == 0) {
-        if (encoder->code == 0xFF) {
-            encoder->line[encoder->code_at] = encoder->code;
-            encoder->code_at = encoder->length++;
-            encoder->code = 1;
-        }
-        if (byte == 0) {
-            encoder->line[encoder->code_at] = encoder->code;
-            encoder->code_at = encoder->length++;
-            encoder->code = 1;
-            return;
-        }
+    if (encoder->code == 0xFF) {
+        end_block(encoder);
     }
-    encoder->line[encoder->length++] = byte;
-    encoder->code++;
+    if (byte == 0) {
+        end_block(encoder);
+    } else {
+        encoder->line[encoder->length++] = byte;
+        encoder->code++;
+    }
 }
 
 static void put(struct encoder *encoder, uint64_t value, uint8_t bytes)

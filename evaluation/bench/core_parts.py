@@ -201,7 +201,7 @@ PARTS = {
     ),
     'range: background that is apart': Part('ranging', '!(walls > 0 && is', '!(false && is'),
     'range: or a mounting': Part(
-        'ranging', 'chance = anywhere / (mounted + anywhere)', 'chance = 0.0 * mounted + 1.0'
+        'ranging', 'chance = rl_chance_apart(', 'chance = 1.0 + 0.0 * rl_chance_apart('
     ),
     'range: samples within the zone': Part(
         'ranging', 'seen->others > 0 ? 0.0 : IN_ZONE', 'seen->others > -1 ? 0.0 : IN_ZONE'
