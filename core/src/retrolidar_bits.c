@@ -67,13 +67,14 @@ double rl_word_sequence(const struct rl_case *judged)
     return best;
 }
 
-double rl_word_flip_bits(const struct rl_case *judged)
+double rl_word_flip_bits(struct rl_case *judged)
 {
     const struct rl_bits *bits = &judged->bits;
     const double enough = 3.0 * judged->demands->word;
     struct rl_transmission best = judged->verdict.transmission;
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
+    rl_bits_flip(judged, 0, true);
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         first[rl_bit_of(bits->first + bit)] = bits->flipped[bits->silent + bit];
     }

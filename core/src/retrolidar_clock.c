@@ -28,10 +28,10 @@ struct clock {
     double cost; /* about, less the log likelihood [nats] */
 };
 
-/* A window, and the levels of dark and bright in it. */
+/* A window, the middle of the levels of dark and bright in it, and half of the step between them. */
 struct slicer {
     struct rl_window *window;
-    float level[2];
+    float middle, half;
     float beyond[MAX_BITS]; /* of the samples of each bit, over the middle level */
 };
 
@@ -39,25 +39,23 @@ struct slicer {
  */
 static struct slicer slicer_of(struct rl_window *window)
 {
-    struct slicer slicer = {.window = window};
     const struct rl_column column = window->column;
-    float count[2] = {1e-9f, 1e-9f};
+    float level[2] = {0.0f, 0.0f}, count[2] = {1e-9f, 1e-9f};
     for (int row = 0; row < window->rows; row++) {
         const int bright = window->light[row] > 0.5;
-        slicer.level[bright] += column.valid[row] ? column.signal[row] : 0.0f;
+        level[bright] += column.valid[row] ? column.signal[row] : 0.0f;
         count[bright] += column.valid[row];
     }
-    slicer.level[0] /= count[0];
-    slicer.level[1] /= count[1];
-    return slicer;
+    level[0] /= count[0];
+    level[1] /= count[1];
+    return (struct slicer){window, (level[0] + level[1]) / 2, (level[1] - level[0]) / 2, {0.0f}};
 }
 
 /* Sort the samples into the bits of a clock, each of which has the level that it is nearer to. */
 static void slice(struct slicer *slicer, struct clock *clock)
 {
     const struct rl_window *window = slicer->window;
-    const float middle = (slicer->level[0] + slicer->level[1]) / 2;
-    const float half = (slicer->level[1] - slicer->level[0]) / 2;
+    const float half = slicer->half;
     const float least = (float)window->whitened.least;
     const double per_s = 1.0 / clock->bit_s;
     float squares = 0.0f, count = 0.0f;
@@ -69,7 +67,7 @@ static void slice(struct slicer *slicer, struct clock *clock)
             slicer->beyond[clock->bits] = 0.0f;
         }
         if (window->column.valid[row] && bit < MAX_BITS) {
-            const float beyond = window->column.signal[row] - middle;
+            const float beyond = window->column.signal[row] - slicer->middle;
             slicer->beyond[bit] += beyond;
             squares += beyond * beyond + half * half;
             count += 1.0f;

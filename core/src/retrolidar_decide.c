@@ -125,13 +125,6 @@ static bool is_evident(struct rl_case *judged)
                LEFT_OVER * window->whitened.explained;
 }
 
-/* Flip the bits of the packet; return how much better another sequence is, if not by far. */
-static double flip_bits(struct rl_case *judged)
-{
-    rl_bits_flip(judged, 0, true);
-    return rl_word_flip_bits(judged);
-}
-
 /* What a bit of what has appeared costs that is not known. It is judged with each bit again. */
 static double price_of_new_bit(void)
 {
@@ -188,14 +181,14 @@ static bool is_word(struct rl_case *judged)
                               RL_PACKET_BITS * (verdict->packets - 1);
     const int begin = transmission->repeats ? rl_bit_of((int)floor(since_bits + 0.5)) : 0;
     judged->bits = rl_bits_cut(transmission, begin, judged->silent_bits);
-    verdict->word = flip_bits(judged);
+    verdict->word = rl_word_flip_bits(judged);
     const double any = judged->own + verdict->word;
     judged->price = verdict->packets == 1 && !judged->follows
                         ? rl_window_follow_gain(judged->window, transmission)
                         : 0.0;
     if (judged->price > 0.0) {
         judged->own = rl_window_try(judged->window, transmission);
-        verdict->word = fmax(flip_bits(judged), any - (judged->own - judged->price));
+        verdict->word = fmax(rl_word_flip_bits(judged), any - (judged->own - judged->price));
     }
     verdict->word = fmax(verdict->word, rl_word_sequence(judged) - judged->own);
     if (verdict->packets > 1) {

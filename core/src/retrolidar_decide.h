@@ -97,9 +97,10 @@ void rl_bits_flip(struct rl_case *judged, int split, bool later);
 /* Log likelihood of the best sequence of bits that the search has found. */
 double rl_word_sequence(const struct rl_case *judged);
 
-/* How much better a sequence is that differs from the packet in a few bits, if not by far [nats].
+/* Flip the bits of the packet. Return how much better a sequence is that differs from it in a few
+ * bits, if not by far [nats].
  */
-double rl_word_flip_bits(const struct rl_case *judged);
+double rl_word_flip_bits(struct rl_case *judged);
 
 /* How much better packets that repeat are explained if each has bits of its own, if not by far. */
 double rl_word_packets(const struct rl_case *judged);

@@ -16,9 +16,9 @@ static void start(struct rl_detector *detector, struct rl_memory *memory)
     rl_search_start(&detector->search, samples, memory);
     rl_window_start(&detector->window, samples, memory);
     rl_residual_start(&detector->residual, samples, memory);
-    detector->other = rl_take(memory, RL_MAX_OTHERS * rows * (int64_t)sizeof *detector->other);
-    detector->values = rl_take(memory, rows * (int64_t)sizeof *detector->values);
-    detector->role = rl_take(memory, rows);
+    detector->other = rl_take(memory, RL_MAX_OTHERS * rows, sizeof *detector->other);
+    detector->values = rl_take(memory, rows, sizeof *detector->values);
+    detector->role = rl_take(memory, rows, 1);
 }
 
 /* Forget all that came before. */

@@ -80,8 +80,7 @@ static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
     const double step_s = scenery->step_s;
     rl_range_predict(&followed->range, step_s);
     follow_gains(followed, &before, scenery->samples->zones);
-    rl_zone_predict(followed->zone, scenery->samples->zones, scenery->samples->sensor.columns,
-                    step_s, followed->crossed);
+    rl_zone_predict(followed->zone, scenery->samples, step_s, followed->crossed);
     followed->crossed *= exp(-step_s / CROSSED_S);
     const double rate = fabs(before.rate);
     const double kept = exp(-step_s * fmax(1.0 / BACKGROUND_S, rate / BACKGROUND_M));
@@ -150,31 +149,26 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
                                       scenery->samples->sensor.zone_blur);
 }
 
-/* Find the range, then the samples of all zones, of which it says which are the marker's. */
-static void look(struct rl_followed *followed, const struct rl_scenery *scenery,
-                 struct rl_zone_sample *sample)
-{
-    const struct rl_motion before = rl_range_estimate(&followed->range);
-    rl_followed_range(followed, scenery);
-    follow_gains(followed, &before, scenery->samples->zones);
-    for (int zone = 0; zone < scenery->samples->zones; zone++) {
-        sample[zone] = rl_followed_sample(followed, scenery, zone);
-    }
-}
-
-/* How much light there is, and what that says of its presence. */
-static struct rl_glance glimpse(struct rl_followed *followed, const struct rl_scenery *scenery,
-                                const struct rl_zone_sample *sample, bool *crossed)
+/* Find the range, then the samples of all zones, of which it says which are the marker's; then how
+ * much light there is, and what that says of its presence.
+ */
+static struct rl_glance observe(struct rl_followed *followed, const struct rl_scenery *scenery,
+                                struct rl_zone_sample *sample, bool *crossed)
 {
     const struct rl_samples *samples = scenery->samples;
+    const struct rl_motion before = rl_range_estimate(&followed->range);
+    rl_followed_range(followed, scenery);
+    follow_gains(followed, &before, samples->zones);
+    for (int zone = 0; zone < samples->zones; zone++) {
+        sample[zone] = rl_followed_sample(followed, scenery, zone);
+    }
     struct rl_glance glance = {
         .step_s = scenery->step_s,
         .bit_s = followed->transmission.bit_s,
         .light = followed->light,
         .edge_variance = followed->slope * followed->slope * followed->clock.variance,
     };
-    *crossed =
-        rl_zone_measure(followed->zone, sample, samples->zones, samples->sensor.columns, &glance);
+    *crossed = rl_zone_measure(followed->zone, samples, sample, &glance);
     if (rl_presence_update(&followed->presence, &glance)) {
         followed->last_ns = samples->stamp_ns[scenery->row];
     }
@@ -184,16 +178,13 @@ static struct rl_glance glimpse(struct rl_followed *followed, const struct rl_sc
 void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *scenery,
                         double light)
 {
-    const struct rl_samples *samples = scenery->samples;
     struct rl_zone_sample sample[RL_MAX_ZONES];
     bool crossed;
     followed->light = light;
     followed->slope = 0.0;
     move(followed, scenery);
-    look(followed, scenery, sample);
-    const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);
-    rl_zone_update(followed->zone, sample, samples->zones, samples->sensor.columns, &glance,
-                   crossed);
+    const struct rl_glance glance = observe(followed, scenery, sample, &crossed);
+    rl_zone_update(followed->zone, scenery->samples, sample, &glance, crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
 }
 
@@ -218,23 +209,20 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     const struct rl_samples *samples = scenery->samples;
     struct rl_zone_sample sample[RL_MAX_ZONES];
     bool crossed;
-    look(followed, scenery, sample);
-    const struct rl_glance glance = glimpse(followed, scenery, sample, &crossed);
+    const struct rl_glance glance = observe(followed, scenery, sample, &crossed);
     const double off = fabs(glance.measured - glance.light);
     if (!isfinite(glance.variance) ||
         off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance + glance.edge_variance))) {
         /* Darker than dark: another marker, which was a part of the level, has begun to send. */
         if (glance.light < SHARED_LIGHT && glance.measured < glance.light) {
-            rl_zone_update(followed->zone, sample, samples->zones, samples->sensor.columns,
-                           &glance, false);
+            rl_zone_update(followed->zone, samples, sample, &glance, false);
         }
         rescale(followed, samples->zones, &glance);
         return;
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    rl_zone_update(followed->zone, sample, samples->zones, samples->sensor.columns, &glance,
-                   crossed);
+    rl_zone_update(followed->zone, samples, sample, &glance, crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
     if (followed->light > SHARED_LIGHT) {
         followed->shared_s = rl_scenery_now(scenery);

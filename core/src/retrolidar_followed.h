@@ -97,16 +97,17 @@ bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest);
 /* Find by how much of its light a marker is seen, from the zones about the strongest. Return
  * whether that is shared otherwise than before: it has crossed an edge.
  */
-bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
-                     int zones, int columns, struct rl_glance *glance);
+bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
+                     const struct rl_zone_sample *samples, struct rl_glance *glance);
 
 /* Let time pass. crossed: the chance that the marker crosses the view */
-void rl_zone_predict(struct rl_zone_light *lights, int zones, int columns, double step_s,
+void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, double step_s,
                      double crossed);
 
 /* Update all zones with samples in which the light is as predicted, shared otherwise or not. */
-void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
-                    int columns, const struct rl_glance *glance, bool crossed);
+void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
+                    const struct rl_zone_sample *samples, const struct rl_glance *glance,
+                    bool crossed);
 
 /* No range is less [m]. */
 static const double RL_NEAREST_M = 1e-3;

@@ -14,15 +14,14 @@ static const double Q_OVER_R[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1,
 
 void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory *memory)
 {
-    const int64_t a_column = rows * (int64_t)sizeof *whitened->signal;
     memset(whitened, 0, sizeof *whitened);
-    whitened->gain = rl_take(memory, a_column);
-    whitened->scale = rl_take(memory, a_column);
-    whitened->signal = rl_take(memory, a_column);
-    for (int i = 0; i < RL_MAX_INTERFERERS; i++) {
-        whitened->interferer[i] = rl_take(memory, a_column);
+    whitened->gain = rl_take(memory, rows, sizeof *whitened->signal);
+    whitened->scale = rl_take(memory, rows, sizeof *whitened->signal);
+    whitened->signal = rl_take(memory, rows, sizeof *whitened->signal);
+    for (int i = 0; i <= RL_MAX_INTERFERERS; i++) {
+        whitened->interferer[i] = rl_take(memory, rows, sizeof *whitened->signal);
     }
-    whitened->row = rl_take(memory, rows * (int64_t)sizeof *whitened->row);
+    whitened->row = rl_take(memory, rows, sizeof(int));
 }
 
 static double log_likelihood(const struct rl_whitened *whitened, int walk, double squares,
@@ -106,25 +105,33 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     find_null(whitened);
 }
 
-/* Whiten a template as the signal was; the first sample is nothing. Return its energy by the way.
+/* Whiten a template as the signal was; the first sample is nothing. By the way, find its products
+ * with itself and with the signal.
  */
 static void whiten_template(const struct rl_whitened *whitened, const double *light,
-                            double (*white)[RL_WALK_LANES], double power[RL_WALK_LANES])
+                            double (*column)[RL_WALK_LANES], double power[RL_WALK_LANES],
+                            double cross[RL_WALK_LANES])
 {
-    double level[RL_WALK_LANES] = {0.0};
+    double level[RL_WALK_LANES] = {0.0}, squares[RL_WALK_LANES] = {0.0};
+    double products[RL_WALK_LANES] = {0.0};
     const double first = light[whitened->row[0]];
-    memset(power, 0, RL_WALK_LANES * sizeof *power);
-    memset(white[0], 0, sizeof white[0]);
+    memset(column[0], 0, sizeof column[0]);
     for (int sample = 1; sample < whitened->samples; sample++) {
         const double value = light[whitened->row[sample]] - first;
         const double *gain = whitened->gain[sample], *scale = whitened->scale[sample];
+        const double *signal = whitened->signal[sample];
+        double white[RL_WALK_LANES];
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
             const double innovation = value - level[walk];
-            white[sample][walk] = innovation * scale[walk];
+            white[walk] = innovation * scale[walk];
             level[walk] += gain[walk] * innovation;
-            power[walk] += white[sample][walk] * white[sample][walk];
+            products[walk] += white[walk] * signal[walk];
+            squares[walk] += white[walk] * white[walk];
         }
+        memcpy(column[sample], white, sizeof white);
     }
+    memcpy(power, squares, sizeof squares);
+    memcpy(cross, products, sizeof products);
 }
 
 /* Products of two whitened columns, for every walk. */
@@ -160,7 +167,7 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool m
     if (samples < 3) {
         return;
     }
-    whiten_template(whitened, light, column, power);
+    whiten_template(whitened, light, column, power, product);
     for (int i = 0; i < whitened->interferers; i++) {
         rl_const_column other = (rl_const_column)whitened->interferer[i];
         multiply((rl_const_column)column, other, samples, product);
@@ -191,37 +198,22 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool m
 
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light)
 {
-    double level[RL_WALK_LANES] = {0.0}, cross[RL_WALK_LANES] = {0.0};
-    double power[RL_WALK_LANES] = {0.0}, shared[RL_MAX_INTERFERERS][RL_WALK_LANES] = {{0.0}};
+    double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
+    double power[RL_WALK_LANES], cross[RL_WALK_LANES];
     struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
     if (whitened->samples < 3) {
         return best;
     }
-    const double first = light[whitened->row[0]];
-    for (int sample = 1; sample < whitened->samples; sample++) {
-        const double value = light[whitened->row[sample]] - first;
-        const double *gain = whitened->gain[sample], *scale = whitened->scale[sample];
-        const double *signal = whitened->signal[sample];
-        double whites[RL_WALK_LANES];
+    whiten_template(whitened, light, column, power, cross);
+    for (int i = 0; i < whitened->interferers; i++) {
+        double shared[RL_WALK_LANES];
+        multiply((rl_const_column)column, (rl_const_column)whitened->interferer[i],
+                 whitened->samples, shared);
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-            const double innovation = value - level[walk];
-            const double white = innovation * scale[walk];
-            level[walk] += gain[walk] * innovation;
-            cross[walk] += white * signal[walk];
-            power[walk] += white * white;
-            whites[walk] = white;
-        }
-        for (int i = 0; i < whitened->interferers; i++) {
-            const double *other = whitened->interferer[i][sample];
-            for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-                shared[i][walk] += whites[walk] * other[walk];
-            }
+            power[walk] -= shared[walk] * shared[walk];
         }
     }
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        for (int i = 0; i < whitened->interferers; i++) {
-            power[walk] -= shared[i][walk] * shared[i][walk];
-        }
         if (!(cross[walk] > 0.0) || !(power[walk] > NO_ENERGY)) {
             continue;
         }

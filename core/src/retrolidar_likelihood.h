@@ -32,8 +32,10 @@ struct rl_whitened {
     double (*scale)[RL_WALK_LANES];  /* 1 over the deviation of each innovation */
     double (*signal)[RL_WALK_LANES]; /* whitened */
     int interferers;
-    /* Templates of other packets, whitened and made orthonormal; the signal is without them. */
-    double (*interferer[RL_MAX_INTERFERERS])[RL_WALK_LANES];
+    /* Templates of other packets, whitened and made orthonormal; the signal is without them. Room
+     * for one more is left to that which is tried.
+     */
+    double (*interferer[RL_MAX_INTERFERERS + 1])[RL_WALK_LANES];
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;                     /* variance of noise that a fit may claim at least */

@@ -102,11 +102,11 @@ struct rl_memory {
     int64_t taken; /* bytes */
 };
 
-/* Take an array, aligned for any type; NULL while it is counted. */
-static inline void *rl_take(struct rl_memory *memory, int64_t bytes)
+/* Take an array of so many values of a size, aligned for any type; NULL while it is counted. */
+static inline void *rl_take(struct rl_memory *memory, int64_t count, size_t size)
 {
     const int64_t at = memory->taken;
-    memory->taken += (bytes + 15) / 16 * 16;
+    memory->taken += (count * (int64_t)size + 15) / 16 * 16;
     return memory->block == NULL ? NULL : memory->block + at;
 }
 

@@ -13,10 +13,10 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
 {
     const int64_t rows = samples->kept;
     residual->samples = samples;
-    residual->light[0] = rl_take(memory, rows * (int64_t)sizeof *residual->light[0]);
-    residual->light[1] = rl_take(memory, rows * (int64_t)sizeof *residual->light[1]);
-    residual->part = rl_take(memory, rows * (int64_t)sizeof *residual->part);
-    residual->saved = rl_take(memory, samples->channels * rows * (int64_t)sizeof *residual->saved);
+    residual->light[0] = rl_take(memory, rows, sizeof *residual->light[0]);
+    residual->light[1] = rl_take(memory, rows, sizeof *residual->light[1]);
+    residual->part = rl_take(memory, rows, sizeof *residual->part);
+    residual->saved = rl_take(memory, samples->channels * rows, sizeof *residual->saved);
     rl_room_start(&residual->room, samples->kept, memory);
 }
 

@@ -40,14 +40,14 @@ void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor
     samples->capacity = 4 * kept;
     samples->bit_s = bit_s;
     const int64_t rows = samples->capacity, channels = samples->channels;
-    samples->sum = rl_take(memory, channels * (int64_t)sizeof *samples->sum);
-    samples->square = rl_take(memory, channels * (int64_t)sizeof *samples->square);
-    samples->begin_s = rl_take(memory, rows * (int64_t)sizeof *samples->begin_s);
-    samples->end_s = rl_take(memory, rows * (int64_t)sizeof *samples->end_s);
-    samples->stamp_ns = rl_take(memory, rows * (int64_t)sizeof *samples->stamp_ns);
-    samples->signal = rl_take(memory, channels * rows * (int64_t)sizeof *samples->signal);
-    samples->distance = rl_take(memory, samples->zones * rows * (int64_t)sizeof *samples->distance);
-    samples->valid = rl_take(memory, channels * rows);
+    samples->sum = rl_take(memory, channels, sizeof *samples->sum);
+    samples->square = rl_take(memory, channels, sizeof *samples->square);
+    samples->begin_s = rl_take(memory, rows, sizeof *samples->begin_s);
+    samples->end_s = rl_take(memory, rows, sizeof *samples->end_s);
+    samples->stamp_ns = rl_take(memory, rows, sizeof *samples->stamp_ns);
+    samples->signal = rl_take(memory, channels * rows, sizeof *samples->signal);
+    samples->distance = rl_take(memory, samples->zones * rows, sizeof *samples->distance);
+    samples->valid = rl_take(memory, channels * rows, 1);
 }
 
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns)

@@ -161,8 +161,8 @@ static struct rl_column part(const struct rl_sensor *sensor, const float *distan
 
 void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory)
 {
-    room->signal = rl_take(memory, rows * (int64_t)sizeof *room->signal);
-    room->valid = rl_take(memory, rows);
+    room->signal = rl_take(memory, rows, sizeof *room->signal);
+    room->valid = rl_take(memory, rows, 1);
 }
 
 /* By how much distances differ, those that are measured. */

@@ -15,16 +15,16 @@ static int lanes_of(int channels)
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
                    struct rl_memory *memory)
 {
-    const int64_t a_lane = (samples->kept + 1) * (int64_t)sizeof(float);
+    const int64_t rows = samples->kept + 1;
     const int lanes = lanes_of(samples->channels);
     view->samples = samples;
-    view->light = rl_take(memory, lanes * a_lane);
-    view->total = rl_take(memory, lanes * a_lane);
-    view->power = rl_take(memory, lanes * a_lane);
-    view->valid = rl_take(memory, lanes * a_lane);
-    view->pivot = rl_take(memory, RL_LANES * a_lane);
-    view->begin = rl_take(memory, a_lane);
-    view->rate = rl_take(memory, a_lane);
+    view->light = rl_take(memory, lanes * rows, sizeof(float));
+    view->total = rl_take(memory, lanes * rows, sizeof(float));
+    view->power = rl_take(memory, lanes * rows, sizeof(float));
+    view->valid = rl_take(memory, lanes * rows, sizeof(float));
+    view->pivot = rl_take(memory, RL_LANES * rows, sizeof(float));
+    view->begin = rl_take(memory, rows, sizeof(float));
+    view->rate = rl_take(memory, rows, sizeof(float));
     for (int lane = 0; lane < RL_LANES; lane++) {
         rl_room_start(&view->room[lane], samples->kept, memory);
     }

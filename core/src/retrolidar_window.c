@@ -15,15 +15,14 @@ static const double MIN_NOISE = 0.5;
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
                      struct rl_memory *memory)
 {
-    const int64_t a_column = samples->kept * (int64_t)sizeof(double);
     memset(window, 0, sizeof *window);
     window->samples = samples;
     window->reference = RL_NO_REFERENCE;
     rl_whitened_start(&window->whitened, samples->kept, memory);
-    window->light = rl_take(memory, a_column);
-    window->part = rl_take(memory, a_column);
-    window->seen = rl_take(memory, a_column);
-    window->profile = rl_take(memory, a_column);
+    window->light = rl_take(memory, samples->kept, sizeof(double));
+    window->part = rl_take(memory, samples->kept, sizeof(double));
+    window->seen = rl_take(memory, samples->kept, sizeof(double));
+    window->profile = rl_take(memory, samples->kept, sizeof(double));
     rl_room_start(&window->room, samples->kept, memory);
 }
 

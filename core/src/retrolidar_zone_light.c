@@ -95,15 +95,15 @@ bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest)
                                    one->gain > MIN_DEVIATIONS * sqrt(one->gain_variance);
 }
 
-bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sample *samples,
-                     int zones, int columns, struct rl_glance *glance)
+bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
+                     const struct rl_zone_sample *samples, struct rl_glance *glance)
 {
-    const int strongest = rl_zone_strongest(lights, zones);
+    const int strongest = rl_zone_strongest(lights, held->zones);
     double cross = 0.0, energy = 0.0, total = 0.0, gain = 0.0, variance = 0.0, best_rise = 0.0;
     int best = strongest; /* of the zones that have not seen it yet */
-    for (int zone = 0; zone < zones; zone++) {
+    for (int zone = 0; zone < held->zones; zone++) {
         const struct rl_zone_light *one = &lights[zone];
-        if (!samples[zone].valid || !rl_zone_beside(zone, strongest, columns)) {
+        if (!samples[zone].valid || !rl_zone_beside(zone, strongest, held->sensor.columns)) {
             continue;
         }
         const double noise = one->excess * samples[zone].variance + one->level_variance;
@@ -149,13 +149,13 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_zone_sa
     return false;
 }
 
-void rl_zone_predict(struct rl_zone_light *lights, int zones, int columns, double step_s,
+void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, double step_s,
                      double crossed)
 {
-    const int strongest = rl_zone_strongest(lights, zones);
+    const int strongest = rl_zone_strongest(lights, held->zones);
     const double most = fmax(lights[strongest].gain, 0.0);
-    for (int zone = 0; zone < zones; zone++) {
-        const bool is_beside = rl_zone_beside(zone, strongest, columns);
+    for (int zone = 0; zone < held->zones; zone++) {
+        const bool is_beside = rl_zone_beside(zone, strongest, held->sensor.columns);
         const double level = FLOOR_WALK + LEVEL_WALK * fmax(lights[zone].level, 0.0);
         const double gain = GAIN_WALK * fmax(lights[zone].gain, 0.1 * most);
         const double won = is_beside ? CROSSED_WALK * crossed * most : 0.0;
@@ -164,13 +164,14 @@ void rl_zone_predict(struct rl_zone_light *lights, int zones, int columns, doubl
     }
 }
 
-void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *samples, int zones,
-                    int columns, const struct rl_glance *glance, bool crossed)
+void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
+                    const struct rl_zone_sample *samples, const struct rl_glance *glance,
+                    bool crossed)
 {
     const double light = glance->light;
-    const int strongest = rl_zone_strongest(lights, zones);
+    const int strongest = rl_zone_strongest(lights, held->zones);
     const double least = MIN_SHARE * lights[strongest].gain;
-    for (int zone = 0; zone < zones; zone++) {
+    for (int zone = 0; zone < held->zones; zone++) {
         struct rl_zone_light *one = &lights[zone];
         if (!samples[zone].valid) {
             continue;
@@ -181,7 +182,7 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_zone_sample *s
         double gain = one->common + light * one->gain_variance;
         double spread = level + light * gain + noise;
         const double surprise = off * off / spread;
-        const bool is_shared = crossed && rl_zone_beside(zone, strongest, columns);
+        const bool is_shared = crossed && rl_zone_beside(zone, strongest, held->sensor.columns);
         if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
             (is_shared || (zone == strongest && light > WHOLE_LIGHT))) {
             one->gain_variance += off * off / (light * light);

@@ -196,7 +196,8 @@ def test_a_gain_is_learnt_at_once_where_light_has_moved(
     before = lights[zone].gain
     samples[zone] = (True, 10.0 + light * (before + 60.0), 4.0)
     glance = ffi.new('struct rl_glance *', {'step_s': 0.021, 'bit_s': 0.042, 'light': light})
-    lib.rl_zone_update(lights, samples, 16, 4, glance, crossed)
+    held = ffi.new('struct rl_samples *', {'zones': 16, 'sensor': {'columns': 4}})
+    lib.rl_zone_update(lights, held, samples, glance, crossed)
     learnt = (lights[zone].gain - before) / 60.0
     assert learnt > 0.9 if learns else learnt < 0.1
     assert np.isfinite(lights[zone].gain_variance)
