@@ -5,12 +5,12 @@
 
 #include <math.h>
 
-/* Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
- * the sharpener's setting, and a moving marker blurs its own spot.
- */
 enum { AXES = 2 };
 /* A known blur is so to this share of it; a moving marker has some chance of another. */
 static const double BLUR_DOUBT = 0.3, SMEARED = 1e-3;
+/* Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
+ * the sharpener's setting, and a moving marker blurs its own spot.
+ */
 static const double BLUR[RL_BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
 /* Places that are tried across the strongest zone and a bit beyond, so many from each of these to
  * the next; denser near the edges, where the shares of two zones differ.

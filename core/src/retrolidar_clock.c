@@ -28,15 +28,14 @@ struct clock {
     double cost; /* about, less the log likelihood [nats] */
 };
 
-/* A window, the middle of the levels of dark and bright in it, and half of the step between them. */
+/* A window, the middle of its levels of dark and bright, and half of the step between them. */
 struct slicer {
     struct rl_window *window;
     float middle, half;
     float beyond[MAX_BITS]; /* of the samples of each bit, over the middle level */
 };
 
-/* Find the mean level of the samples in which the packet that was tried last is dark, and bright.
- */
+/* Of the packet that was tried last. */
 static struct slicer slicer_of(struct rl_window *window)
 {
     const struct rl_column column = window->column;

@@ -244,7 +244,7 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     if (verdict->margin < judged->demands->margin) {
         return *verdict;
     }
-    rl_window_steady(judged->window);
+    judged->window->has_profile = false;
     const double steady = judged->own - judged->price;
     const double other =
         verdict->packets == 1 ? rl_clock_excess(judged->window, &verdict->transmission, steady)

@@ -42,11 +42,6 @@ static double to_range(const struct rl_scenery *scenery, int zone, double depth_
     return depth_m / sensor->z_per_range[zone] - sensor->range_offset_m;
 }
 
-static double distance_of(const struct rl_scenery *scenery, int zone)
-{
-    return (double)scenery->samples->distance[rl_sample(scenery->samples, zone, scenery->row)];
-}
-
 void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                        double depth_m)
 {
@@ -251,8 +246,9 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         }
         const struct rl_zone_light *light = &followed->zone[zone];
         const struct rl_zone_sample sample = rl_followed_sample(followed, scenery, zone);
-        const double signal = (double)samples->signal[rl_sample(samples, zone, scenery->row)];
-        const double range_m = to_range(scenery, zone, distance_of(scenery, zone));
+        const size_t at = rl_sample(samples, zone, scenery->row);
+        const double signal = (double)samples->signal[at];
+        const double range_m = to_range(scenery, zone, (double)samples->distance[at]);
         if (!sample.valid || !isfinite(range_m)) {
             continue;
         }

@@ -32,15 +32,6 @@ static void light_of(struct rl_window *window, int marker, bool continues)
                           window->end_s, window->rows, window->part, window->light);
 }
 
-/* The light until a row, or from it on: without the marker it is as dark as with a dark one. */
-static const double *part_of(const struct rl_window *window, int split, bool later)
-{
-    for (int row = 0; row < window->rows; row++) {
-        window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
-    }
-    return window->part;
-}
-
 /* Find how the gain of `light` changes, if it is there. */
 static void find_profile(struct rl_window *window)
 {
@@ -146,21 +137,13 @@ void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, doubl
     whiten(window);
 }
 
-/* Light as the channel sees it. */
-static const double *seen_of(struct rl_window *window, const double *light)
-{
-    if (!window->has_profile) {
-        return light;
-    }
-    for (int row = 0; row < window->rows; row++) {
-        window->seen[row] = light[row] * window->profile[row];
-    }
-    return window->seen;
-}
-
+/* Fit light, as the channel sees it. */
 static double fit(struct rl_window *window, const double *light)
 {
-    window->fit = rl_fit_gain(&window->whitened, seen_of(window, light));
+    for (int row = 0; window->has_profile && row < window->rows; row++) {
+        window->seen[row] = light[row] * window->profile[row];
+    }
+    window->fit = rl_fit_gain(&window->whitened, window->has_profile ? window->seen : light);
     return window->fit.log_likelihood;
 }
 
@@ -184,7 +167,11 @@ double rl_window_try_part(struct rl_window *window, const struct rl_transmission
                           int split, bool later)
 {
     lay_light(window, transmission);
-    return fit(window, part_of(window, split, later));
+    /* Without the marker it is as dark as with a dark one. */
+    for (int row = 0; row < window->rows; row++) {
+        window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
+    }
+    return fit(window, window->part);
 }
 
 double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
@@ -222,9 +209,4 @@ double rl_window_follow_gain(struct rl_window *window, const struct rl_transmiss
     window->has_profile = true;
     window->has_profile = fit(window, window->light) > steady + rl_price_of_profile();
     return window->has_profile ? rl_price_of_profile() : 0.0;
-}
-
-void rl_window_steady(struct rl_window *window)
-{
-    window->has_profile = false;
 }

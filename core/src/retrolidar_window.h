@@ -49,7 +49,7 @@ struct rl_window {
     double *part;                        /* of the light of an interferer */
     double *seen;                        /* of the light, where the gain changes */
     double *profile;                     /* how the gain changes, 0 to 1 */
-    bool has_profile;                    /* else it does not */
+    bool has_profile;                    /* whether it does */
     struct rl_room room;
 };
 
@@ -95,8 +95,5 @@ double rl_window_refine(struct rl_window *window, struct rl_transmission *transm
  * costs [nats].
  */
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
-
-/* Let the gain no longer change. */
-void rl_window_steady(struct rl_window *window);
 
 #endif

@@ -152,7 +152,7 @@ PARTS = {
         'decide', '2.0 * preamble > RL_PREAMBLE_BITS', 'false && preamble > 0.0'
     ),
     'bits that touch a packet': Part(
-        'refine', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
+        'observation', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
     ),
     'word test: bits of each of several packets': Part(
         'decide', '    if (verdict->packets > 1) {', '    if (false) {'

@@ -132,7 +132,7 @@ def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) 
         last = verdict.transmission
         final = sending._replace(start_s=last.start_s, bit_s=last.bit_s)
         follows = core.lib.rl_window_follow_gain(core.window, core.given(final)) > 0
-        core.lib.rl_window_steady(core.window)
+        core.window.has_profile = False
         # Bits of other clocks may be likelier still.
         wanted = max(word(zones, final), core.other_clock(final, packets))
         if packets == 1 and not follows:
