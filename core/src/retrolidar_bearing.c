@@ -12,9 +12,7 @@ static const double BLUR_DOUBT = 0.3, SMEARED = 1e-3;
  * the sharpener's setting, and a moving marker blurs its own spot.
  */
 static const double BLUR[RL_BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
-/* Places that are tried across the strongest zone and a bit beyond, so many from each of these to
- * the next; denser near the edges, where the shares of two zones differ.
- */
+/* Places that are tried, so many from each of these to the next; denser near edges of the zone. */
 enum { STRETCHES = 5 };
 static const int PLACES[STRETCHES] = {5, 50, 40, 50, 5};
 static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
@@ -25,9 +23,7 @@ static const double SQRT_2 = 1.4142135623730951;
 /* Places that are less likely than the likeliest by more have no part [nats]. */
 static const double HOPELESS = 40.0;
 
-/* Share out the light of a point among zones in a row, for each blur and place. How wide a marker
- * is says no more than another blur would.
- */
+/* Share out the light of a point among zones in a row: a larger marker is like another blur. */
 static void share_out(struct rl_bearing_table *table)
 {
     for (int blur = 0; blur < RL_BLURS; blur++) {
@@ -62,10 +58,7 @@ void rl_bearing_start(struct rl_bearing_table *table)
     share_out(table);
 }
 
-/* How likely each place is, given each blur.
- *
- * precision: 1 over the variance of each light, 0 where there is no zone
- */
+/* How likely each place is, given each blur. The precision is 0 where there is no zone. */
 static void believe(const struct rl_bearing_table *table, const double light[RL_NEAR],
                     const double precision[RL_NEAR], double belief[RL_BLURS][RL_PLACES])
 {
@@ -97,9 +90,7 @@ static double prior_of(double blur, double known)
         const double off = log(blur / known) / BLUR_DOUBT;
         return exp(-off * off / 2) + SMEARED;
     }
-    /* The less blur, the fewer bearings between zones: without this prior, a marker between zones
-     * would be evidence of a large blur.
-     */
+    /* The less blur, the fewer bearings between zones, which would else speak for a large one. */
     return 1.0 / sqrt(blur);
 }
 

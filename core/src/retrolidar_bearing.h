@@ -3,11 +3,9 @@
  */
 /* Direction of a marker within a zone, from how its light is shared with the zones around.
  *
- * Only light that is modulated as the marker's counts, so the background cancels. A marker's spot
- * is mostly smaller than a zone, and then the shares say much near edges of zones and little in
- * their middle. So the result is the mean and the variance of all bearings that agree with the
- * shares: a marker that one zone sees alone is anywhere in it, except near edges where a neighbour
- * would see it.
+ * Only light that is modulated as the marker's counts, so the background cancels. A spot is mostly
+ * smaller than a zone: shares say much near edges and little in the middle. So the result is the
+ * mean and the variance of all bearings that agree with the shares.
  */
 #ifndef RETROLIDAR_BEARING_H
 #define RETROLIDAR_BEARING_H

@@ -69,10 +69,7 @@ double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role)
     return product(seen->alone, seen->alone, rows);
 }
 
-/* The share of the signal that is light of others, of those that are seen at all.
- *
- * gain: of the marker itself
- */
+/* The share of the signal that is light of others that are seen; gain: of the marker itself. */
 static double share_of_others(const struct rl_seen *seen, const uint8_t *role, double gain)
 {
     double count = 0.0, total = 0.0, sum = 0.0, squares = 0.0, share = 0.0;

@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Whether what blinks keeps the clock of our packets: a marker of another bit period, or anything
- * else that blinks, may look like one of them.
- */
+/* Whether what blinks keeps the clock of our packets, or another one that looks like it. */
 #include "retrolidar_decide.h"
 
 #include <math.h>

@@ -20,13 +20,9 @@ enum {
 
 /* Bits by which a packet may begin before the one before it has ended. */
 static const double RL_OVERLAP_BITS = 1.5;
-/* By how much clocks that are tried are off: three deviations, as a microcontroller's oscillator is
- * good to a percent.
- */
+/* By how much clocks may be off: three deviations of a microcontroller's oscillator, of 1 %. */
 static const double RL_MAX_SKEW = 0.03;
-/* A parameter more, as the gain of a zone, must explain half the logarithm of the
- * number of samples [nats].
- */
+/* A parameter more must explain half the logarithm of the number of samples [nats]. */
 static const double RL_COST_OF_GAIN = 2.0;
 /* What happens at a time that is chosen among some must explain this [nats]. */
 static const double RL_COST_OF_CHANCE = 6.0;
@@ -34,9 +30,7 @@ static const double RL_COST_OF_CHANCE = 6.0;
 static const double RL_MAX_MARGIN = 30.0;
 /* Hypotheses that differ by less are as good [nats]. */
 static const double RL_AS_GOOD = 1.0;
-/* Share that is enough where most of something must be found: of the evidence in demand by a coarse
- * template, or of what others hide; of what a sum shows by its zones.
- */
+/* Share that is most of something: of evidence on coarse templates, or of what others hide. */
 static const double RL_MOST = 0.7;
 /* A zone has seen a packet if it has seen this share of what the strongest zone has. */
 static const double RL_MIN_PART = 0.1;

@@ -13,16 +13,12 @@ enum {
 static const double MIN_LONGER = 0.9;
 /* Share of the evidence in demand that one channel must have by itself. */
 static const double MIN_ALONE = 0.4;
-/* Share of what others explain that a packet beside them needs besides: what they leave over may
- * look like one.
- */
+/* Share of what others explain that a packet needs besides: what they leave may look like one. */
 static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
-/* Whether packets that were taken for some of many may as well be a lone one, which has not ended
- * yet or has ended before.
- */
+/* Whether what was taken for some of many packets may as well be a lone one, ended or not. */
 static bool may_be_lone(const struct rl_case *judged)
 {
     const struct rl_transmission *transmission = &judged->verdict.transmission;
@@ -63,9 +59,7 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }
 
-/* Evidence that a packet of few changes needs besides: the fewer, the sooner do steps of what moves
- * make one.
- */
+/* Evidence that a packet of few changes needs besides, as what moves in steps may look like it. */
 static double cost_of_changes(uint32_t bits)
 {
     int changes = 0;
@@ -144,9 +138,7 @@ double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_de
     return fmax(RL_PACKET_BITS - 1 - unknown, RL_LOOK_BITS);
 }
 
-/* Of the first bits of the packet, how many the samples do not tell, about: those that may as well
- * be flipped.
- */
+/* Of the first bits of the packet, how many may as well be flipped, about. */
 static double unknown_bits(const struct rl_bits *bits, int count)
 {
     double unknown = 0.0;
@@ -197,9 +189,8 @@ static bool is_word(struct rl_case *judged)
     return verdict->word <= max_word_of(judged);
 }
 
-/* By how much a packet in a sum of zones must be likelier besides. Markers of several zones blink
- * in it, and together may look like another one: that is a gain more, and the more they leave over,
- * the sooner.
+/* By how much a packet in a sum of zones must be likelier besides: several markers together may
+ * look like another one, the sooner the more they leave over.
  */
 static double price_of_sum(const struct rl_case *judged)
 {

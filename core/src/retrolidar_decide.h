@@ -110,25 +110,18 @@ double rl_word_packets(const struct rl_case *judged);
  */
 double rl_rivals_margin(const struct rl_case *judged);
 
-/* The same if the marker of another ID has come or gone in the window, at any time: it is as dark
- * then as with a dark bit.
- */
+/* The same if the marker of another ID came or went in the window; while away, it is dark. */
 double rl_rivals_part_margin(const struct rl_case *judged);
 
 /* The same of one that ended in the window, and another that began then. */
 double rl_rivals_successive_margin(const struct rl_case *judged);
 
-/* By how much any bits of another clock explain a window better than a packet [nats]. A bit that
- * there are more of than in a packet costs what it says.
- *
- * own: log likelihood of the packet
- */
+/* By how much any bits of another clock are likelier than a packet [nats]; own: its likelihood. */
 double rl_clock_excess(struct rl_window *window, const struct rl_transmission *transmission,
                        double own);
 
-/* By how much a channel correlates better with itself some other time before than a packet's length
- * before, over all rows that are held [nats]. Packets that are combined are too faint to ask which
- * bits each of them has.
+/* By how much a channel correlates better with itself at another lag than a packet's length, over
+ * all rows that are held [nats]: packets that are combined are too faint to be cut into other bits.
  */
 double rl_clock_period_excess(struct rl_window *window, const struct rl_transmission *transmission);
 

@@ -10,6 +10,7 @@
 #include "retrolidar_search.h"
 
 enum {
+    RL_POOL = 64,      /* markers that are remembered */
     RL_READINGS = 32,  /* that one frame may bring */
     RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
     RL_MAX_PENDING = 5 * RL_MAX_CHANNELS + 15 * RL_MAX_ZONES, /* all of a frame */
@@ -18,8 +19,6 @@ enum {
 };
 /* A channel that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
-
-enum { RL_POOL = 64 };
 
 struct rl_active_track {
     uint16_t id;
@@ -64,8 +63,7 @@ struct rl_detector {
     struct rl_counts counts;
     int64_t last_ns;
     double looked_s;
-    double
-        max_llr_deficit; /* nats by which other sequences than the hits of a search may be better */
+    double max_llr_deficit; /* nats by which other sequences than hits may be better */
     double consumed_until_s[RL_MAX_CHANNELS]; /* end of what was read last in each */
     uint64_t read_anew; /* zones that saw what was read since the last search of the residual, and
                          * those around them */
@@ -88,9 +86,8 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
 /* Note a packet that is read. The window's interference is the verdict's. */
 void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
 
-/* Place the marker of a reading of the frame that was taken last; false where no distance was
- * measured. Every zone that has read it gives its range, and all zones around the strongest its
- * bearing.
+/* Place the marker of a reading of the newest frame; false where no distance was measured. Every
+ * zone that has read it gives its range, and all zones around the strongest its bearing.
  */
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);

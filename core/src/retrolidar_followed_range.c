@@ -8,15 +8,11 @@
 
 #include <math.h>
 
-/* How many times the variance that is expected a sensor has is learnt from frames that follow each
- * other.
- */
+/* The noise of ranges, over the law, is learnt from frames that follow each other. */
 static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSON = 9.0;
 /* A nearer target hides the marker if it is so much nearer [m] and brighter. */
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
-/* A zone measures the range if the marker is so much of its signal, and others are no more, and it
- * has so much of its light.
- */
+/* A zone measures the range if so much of its signal is the marker's, and no more of others. */
 static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.1;
 static const double MAX_CHANGE = 2.4; /* of the rate while it was dark [m/s] */
 static const double GATE = 25.0;     /* squared deviations */
@@ -80,9 +76,8 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
     return sample;
 }
 
-/* Where it is open whether what is behind a marker is its own mounting or farther, both are weighed
- * (`retrolidar_ranging.c`). Return by how far it is behind; find the chance that it is so, and the
- * variance.
+/* Where it is open whether what is behind a marker is its mounting or farther, both are weighed.
+ * Return by how far it is behind; find the chance that it is so, and the variance.
  */
 static double behind_of(const struct rl_background *behind, const struct rl_scenery *scenery,
                         double *chance, double *variance)

@@ -24,9 +24,7 @@ static float min_of(float nats, const struct rl_soft_summary *summary)
     return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
 
-/* The first slot that no entry refers to. There is one: slots are one more than entries of
- * different trials.
- */
+/* The first slot that no entry refers to; there is one more than entries of different trials. */
 static int free_slot(const struct rl_shortlist *shortlist)
 {
     bool is_taken[RL_SLOTS] = {false};
@@ -97,7 +95,7 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     const struct rl_soft_summary *summary = &sums->summary[lane];
     const float any = any_squared(demand, trial, summary);
     const float least = min_of(demand->least, summary);
-    if (any <= 0.0f || any < least) {
+    if (!(any > 0.0f && any >= least)) {
         return;
     }
     const float upper_bound = nats_of(any, summary);

@@ -67,9 +67,7 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
 /* Fit a template, the light of each row of the window, together with the interferers. */
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);
 
-/* Variance of what a fit leaves over of each sample, over the least that noise may have: from 1 on,
- * and far more if something else is there.
- */
+/* Variance that a fit leaves over, over the least of noise: far more if something else is there. */
 double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit);
 
 /* Make a template an interferer: from now on its gain is fitted along with that of any other, and

@@ -38,9 +38,7 @@ void rl_wakeup_start(struct rl_wakeup *wakeup, const struct rl_wakeup_settings *
  */
 enum rl_mode rl_wakeup_step(struct rl_wakeup *wakeup, uint32_t elapsed_us, uint16_t level);
 
-/* Report that all packets are sent. It looks again at once: as long as there is light, packets
- * follow packets.
- */
+/* Report that all packets are sent. It looks again at once: in light, packets follow packets. */
 enum rl_mode rl_wakeup_sent(struct rl_wakeup *wakeup);
 
 /* How bits get to the liquid crystal: a square wave without direct voltage while dark, both

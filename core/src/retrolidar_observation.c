@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The samples that a packet is judged by: from when to when, and whether they are enough; and the
- * start and the bit period that explain them best.
- */
+/* The window that a packet is judged in, whether that is enough, and where the packet is exactly*/
 #include "retrolidar_decide.h"
 
 #include <math.h>

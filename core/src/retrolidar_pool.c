@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The packets that have been read lately, in the whole view: who else may be in the samples, and
- * what becomes known with one that is read.
- */
+/* The packets that have been read lately, in the whole view: who else may be in the samples. */
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
@@ -182,9 +180,7 @@ static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdi
     return seen;
 }
 
-/* When the packet begins that the window holds the most of: before the window, if it was joined in
- * its middle, or a few bits later, if those are of another.
- */
+/* When the packet begins that the window holds the most of: maybe before the window. */
 static double start_of(const struct rl_verdict *verdict)
 {
     const struct rl_transmission *transmission = &verdict->transmission;

@@ -45,9 +45,8 @@ double rl_chance_apart(double squared, double spread, double separable_m)
 }
 
 /* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
- * marker is mounted on, at its own distance, and then subtracting it only adds noise. So two
- * hypotheses are weighted by the step between the two distances: that it is noise and mounting, or
- * that a background is anywhere.
+ * marker is mounted on, and then subtracting it only adds noise. So both hypotheses are weighted by
+ * the step between the two distances.
  *
  * share: of the background in the signal while the marker is bright
  */
@@ -74,10 +73,9 @@ struct motion {
     double variance; /* of that, which zones have in common */
 };
 
-/* What `alone` of the samples in which the marker was seen says about its motion: a bend from a
- * line, if it explains what a parameter costs; then the mean is not where the marker was at the
- * mean time. And what samples still have in common with the ones before them, if that is no chance:
- * the mean is off by as much, however many samples there are.
+/* What `alone` of the samples of the marker says about its motion: a bend from a line, as then the
+ * mean is not where the marker was at the mean time; and what samples have in common with the ones
+ * before, by which the mean is off. Both only if they explain what a parameter costs.
  */
 static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, double middle_s)
 {

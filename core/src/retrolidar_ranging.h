@@ -36,24 +36,18 @@ struct rl_ranged {
     double common; /* variance besides, which ranges by other zones have in common */
 };
 
-/* Find how far a marker is; false without distances.
- *
- * values, role: memory of `rows`
- */
+/* Find how far a marker is; false without distances. There are `rows` of values and role. */
 bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged);
 /* end of binding */
 
-/* Make the light of the others, and then the marker's own, orthogonal to all before. Return the
- * energy of the latter.
- *
- * role: of each sample; those with 0 are not used
+/* Make the light of the others, and then the marker's own, orthogonal to all before, over the
+ * samples that have a role. Return the energy of the latter.
  */
 double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
 
-/* Find the distance of what blinks, from a first guess; false where nothing does. Then `alone` is
- * what is left over, over the gain [m].
+/* Find the distance of what blinks in the samples that have a role, from a first guess; false where
+ * nothing does. Then `alone` is what is left over, over the gain [m].
  *
- * role: of each row, 0 if it is not used
  * others: share of the signal that is light of other markers, 0 unless they are seen
  */
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,

@@ -28,9 +28,7 @@ static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool 
     }
 }
 
-/* What the dark bits of another packet, which begins at a bit of the window, would do [nats], all
- * bright first; return the sum of that.
- */
+/* What each dark bit of another packet, from `begin` on, would do [nats]; return that of none. */
 static float weigh(const struct rl_bits *bits, int begin, bool repeats,
                    float weight[RL_PACKET_BITS])
 {

@@ -21,9 +21,7 @@ enum {
 /* In place of the stamp of a frame: 0 is one like others. */
 #define RL_NO_FRAME INT64_MIN
 
-/* A channel is what is searched for packets: a zone, or a sum of zones, which sees the whole of a
- * packet of a marker that crosses from zone to zone.
- */
+/* What is searched for packets: a zone, or a sum of zones, through which a marker may cross. */
 struct rl_channel {
     int zones; /* how many it sums */
     uint8_t zone[RL_MAX_SIDE * RL_MAX_SIDE];
@@ -73,9 +71,7 @@ static inline bool rl_zone_beside(int zone, int other, int columns)
     return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
-/* Add a zone to some that are sorted by their strength, the strongest first; no more are kept than
- * `most`.
- */
+/* Add a zone to some, the strongest first, of which no more are kept than `most`. */
 static inline void rl_add_zone(int32_t *zones, int32_t *count, int32_t most, int zone,
                                const double *strength)
 {
@@ -111,9 +107,7 @@ int rl_samples_row(const struct rl_samples *samples, double time_s);
 /* Variance of the noise of a channel at a signal [(kcps/SPAD)^2], as the law says. */
 double rl_noise_variance(const struct rl_samples *samples, int channel, double signal);
 
-/* After a row was appended: update the sums to the newest rows, as many as `wanted`; `recompute`
- * them after the rows have moved.
- */
+/* After a row was appended: update the sums to the newest rows, as many as `wanted`, or anew. */
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 
 /* By how many times its noise a channel varies over the newest `variance_rows`. */

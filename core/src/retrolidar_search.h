@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Where packets may be: every start, clock and word, on coarse templates. It prunes, and decides
- * nothing.
- */
+/* Where packets may be: every start, clock and word, on coarse templates. It decides nothing. */
 #ifndef RETROLIDAR_SEARCH_H
 #define RETROLIDAR_SEARCH_H
 
@@ -41,9 +39,7 @@ struct rl_slot {
     struct rl_soft_summary summary;
 };
 
-/* The best hits of different IDs; and the sequences that explain the samples best, each of another
- * clock.
- */
+/* The best hits of different IDs; and the sequences that explain most, each of another clock. */
 struct rl_hits {
     int reference; /* zone whose light was subtracted, or RL_NO_REFERENCE */
     int count, sequences;
@@ -74,15 +70,13 @@ struct rl_demand {
 float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary);
 
-/* Note what a trial holds of a lane if that may be a packet: sequences, and packets that begin with
- * one of its first bits.
- */
+/* Note what a lane may hold: sequences, and packets that begin with one of so many first bits. */
 void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
                       const struct rl_trial *trial, const struct rl_sums *sums, int lane,
                       int shifts);
 
-/* Give up the least promising words of some channels, as far as there are more than are left; take
- * the others off what is left, and return how many were given up.
+/* Give up the least promising words of some channels, as far as there are more than are left;
+ * return how many.
  */
 int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left);
 

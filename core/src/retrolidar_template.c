@@ -70,9 +70,7 @@ static struct place place_of(const struct rl_transmission *transmission,
                           cycles * packet->elapsed[RL_PACKET_BITS]};
 }
 
-/* The integral of the light from the start of the packet to a time since then [s]. The place
- * goes along: the next time is mostly in the same bit, or in the one behind it.
- */
+/* The integral of the light since the start of the packet [s]; the place goes along with it. */
 static double integral(const struct rl_transmission *transmission, const struct packet *packet,
                        double since_s, struct place *place)
 {

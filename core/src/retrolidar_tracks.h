@@ -3,9 +3,8 @@
  */
 /* Markers that are followed once they are read: a place with every frame.
  *
- * Once a marker's ID, start and clock are known, every bit to come is known. So each frame in which
- * it is bright measures its range and its share in each zone again, and bits that do not come as
- * predicted count against it.
+ * Then every bit to come is known. So each frame in which the marker is bright measures its range
+ * and its share in each zone again, and bits that do not come as predicted count against it.
  */
 #ifndef RETROLIDAR_TRACKS_H
 #define RETROLIDAR_TRACKS_H

@@ -124,9 +124,7 @@ static void fit(struct rl_tracks *tracks, const struct rl_followed *followed, in
     }
 }
 
-/* What was the level of a marker that was followed alone is the light of another one in part: fit
- * it anew where the zones see both.
- */
+/* Fit a marker that was followed alone anew: what was its level is in part the light of another. */
 static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struct rl_followed *new,
                   int zone, const struct window *window)
 {

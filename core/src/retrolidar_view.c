@@ -117,9 +117,7 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
     }
 }
 
-/* The row of a time, or the first or the last one, about where exposures that are all as long as
- * each other would have it.
- */
+/* The row of a time, or the first or the last one; exposures are about as long as each other. */
 static int row_of(const struct rl_view *view, float time_s)
 {
     const float since_s = rl_maxf(time_s, 0.0f);
@@ -164,9 +162,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     trial->energy.adjacent = (shared - outside) / rl_maxf((float)seen, 1.0f);
 }
 
-/* Power and number of the samples of a lane; bits of which samples are missing have so much less
- * energy.
- */
+/* Power and number of the samples of a lane; for missing ones the power is as much less. */
 static struct rl_soft_summary summary_of(const struct rl_view *view, const struct rl_trial *trial,
                                          int lane)
 {

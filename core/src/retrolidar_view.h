@@ -64,9 +64,7 @@ struct rl_sums {
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
                    struct rl_memory *memory);
 
-/* Look at some channels from one time to another, whitened for steps of the level whose variance is
- * `walk` of that of the noise.
- */
+/* Look at some channels from one time to another; walk: of steps of the level over the noise. */
 void rl_view_open(struct rl_view *view, const int *channels, int count, double from_s, double to_s,
                   float walk);
 

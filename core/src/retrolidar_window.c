@@ -48,9 +48,7 @@ static void find_profile(struct rl_window *window)
     }
 }
 
-/* Make a marker an interferer, if it is seen. Its gain changes if that explains more than it costs,
- * as the marker may move.
- */
+/* Make a marker an interferer, if it is seen; its gain may change, as it may move. */
 static void add_interferer(struct rl_window *window, int marker)
 {
     struct rl_whitened *whitened = &window->whitened;

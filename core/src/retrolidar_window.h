@@ -56,9 +56,7 @@ struct rl_window {
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
                      struct rl_memory *memory);
 
-/* Look at the exposures of a channel from one time to another; where it reports two targets, at the
- * dimmer one if that is asked.
- */
+/* Look at the exposures of a channel, of the dimmer one of two targets if that is asked. */
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
                     double to_s);
 
@@ -68,9 +66,7 @@ double rl_window_try(struct rl_window *window, const struct rl_transmission *tra
 /* The same of what `light` holds, for every row. */
 double rl_window_try_light(struct rl_window *window);
 
-/* The same if the packet is seen from a row of the window on only, or until it, as if its marker
- * had appeared or vanished.
- */
+/* The same if the marker appears in a row of the window (later), or vanishes there. */
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later);
 
@@ -91,8 +87,7 @@ double rl_window_refine(struct rl_window *window, struct rl_transmission *transm
                         double half_bits);
 
 /* Let the gain change from now on as the light of a packet does, if that explains more than it
- * costs: for whatever is tried in this window, as its rivals may move as it does. Return what it
- * costs [nats].
+ * costs: for all that is tried in this window, as rivals may move, too. Return the cost [nats].
  */
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
 

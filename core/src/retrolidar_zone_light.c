@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What zones see of a marker whose light is known at every time: a level that wanders, and a gain,
- * by which the signal rises with the light.
- */
+/* What zones see of a marker whose light is known: a level that wanders, and a gain. */
 #include "retrolidar_followed.h"
 
 #include <math.h>
