@@ -20,6 +20,7 @@ enum {
 /* A channel that varies by less than so many times its noise holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
 
+/* A marker of which packets were read lately. */
 struct rl_active_track {
     uint16_t id;
     struct rl_packet_train train;
@@ -32,7 +33,7 @@ struct rl_pool {
     struct rl_active_track track[RL_POOL];
 };
 
-/* Room for what is subtracted from samples. */
+/* Room to subtract packets from samples, and to put these back. */
 struct rl_residual {
     struct rl_samples *samples;
     struct rl_room room;

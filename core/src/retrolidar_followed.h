@@ -11,6 +11,7 @@
 
 enum { RL_EXPLANATIONS = 6 };
 
+/* Whether a marker is still there, and still sends the same. */
 struct rl_presence {
     double chance[RL_EXPLANATIONS];
     double seen_nats;   /* that its light is there, since it was last known to be */
@@ -42,12 +43,14 @@ int rl_presence_update(struct rl_presence *presence, const struct rl_glance *gla
 
 enum { RL_MOTIONS = 4 };
 
+/* A way in which a marker may move along the line of sight. */
 struct rl_motion {
     double chance;
     double range_m, rate;                   /* [m], [m/s] */
     double variance, common, rate_variance; /* of the range, of both, of the rate */
 };
 
+/* Range and range rate of a marker. */
 struct rl_range_filter {
     struct rl_motion motion[RL_MOTIONS];
 };
@@ -62,6 +65,7 @@ void rl_range_update(struct rl_range_filter *filter, double range_m, double vari
 /* The mean and the covariance of all motions, whose chance is 1. */
 struct rl_motion rl_range_estimate(const struct rl_range_filter *filter);
 
+/* What a zone sees of a marker: a level that wanders, and a gain of its light. */
 struct rl_zone_light {
     double level, gain; /* [kcps/SPAD] */
     double level_variance, common, gain_variance;

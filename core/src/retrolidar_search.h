@@ -75,8 +75,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
                       const struct rl_trial *trial, const struct rl_sums *sums, int lane,
                       int shifts);
 
-/* Give up the least promising words of some channels, as far as there are more than are left;
- * return how many.
+/* Give up the least promising words of some channels, as far as there are more than are left; take
+ * the others off what is left, and return how many were given up.
  */
 int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left);
 
