@@ -179,14 +179,19 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
         return false;
     }
     for (int row = 0; row < seen->rows; row++) {
+        depth_m += role[row] & OWN ? (double)seen->distance[row] / own : 0.0;
+    }
+    for (int row = 0; row < seen->rows; row++) {
         if (role[row] & OWN) {
-            depth_m += (double)seen->distance[row] / own;
             time_s += (seen->begin_s[row] + seen->end_s[row]) / 2 / own;
             signal += (double)seen->signal[row] / own;
         } else if (seen->valid[row] && seen->light[row] < (1.0 - RL_BRIGHT)) {
-            role[row] = DARK;
-            behind += (double)seen->signal[row];
-            dark++;
+            /* What is apart from the marker is no part of its pulse. */
+            const double gap_m = fabs((double)seen->distance[row] - depth_m) -
+                                 3.0 * sensor->ranging_shot / (double)seen->signal[row];
+            role[row] = gap_m >= sensor->separable_m ? 0 : DARK;
+            behind += role[row] ? (double)seen->signal[row] : 0.0;
+            dark += role[row] != 0;
             if (isfinite(seen->distance[row])) {
                 values[walls++] = seen->distance[row];
             }

@@ -200,6 +200,9 @@ PARTS = {
         'ranging', 'blinks = dark > 0 &&', 'blinks = false && dark > 0 &&'
     ),
     'range: background that is apart': Part('ranging', '!(walls > 0 && is', '!(false && is'),
+    'range: samples of what is apart left out': Part(
+        'ranging', 'gap_m >= sensor->separable_m ? 0', 'gap_m >= INFINITY ? 0'
+    ),
     'range: or a mounting': Part(
         'ranging', 'chance = rl_chance_apart(', 'chance = 1.0 + 0.0 * rl_chance_apart('
     ),

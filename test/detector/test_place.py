@@ -277,6 +277,23 @@ def test_samples_of_something_else_do_not_shift_the_range(seen_m: float) -> None
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.7
 
 
+def test_a_far_wall_that_shows_while_the_marker_is_dark_does_not_shift_the_range() -> None:
+    """A dark marker sends a little light back, which mostly outshines the wall."""
+    scores, errors = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        light = rng.integers(0, 2, 62).astype(float)
+        signal = np.maximum(50 * light + 4 + 2 * rng.standard_normal(62), 1)
+        is_wall = (light == 0) & (rng.random(62) < 0.3)
+        distance = np.where(is_wall, 3.7, 1.5) + 0.49 / signal * rng.standard_normal(62)
+        found = ranged(light, signal, distance)
+        assert found is not None
+        errors.append(found[0] - 1.5)
+        scores.append(errors[-1] / found[1])
+    assert np.sqrt(np.mean(np.square(errors))) < 0.005
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
 def test_a_range_needs_distances_of_valid_samples() -> None:
     light = np.tile([0.0, 1.0], 10)
     assert ranged(light, 50 * light, np.full(20, np.nan)) is None
