@@ -149,10 +149,12 @@ static double unknown_bits(const struct rl_bits *bits, int count)
     return unknown;
 }
 
-/* By how much another sequence may be better. Any sequence looks like a word if enough of its bits
- * are unknown: a bit less of a word's redundancy is a bit more of chance, or two where something
- * has appeared, as that is judged with each bit again. With few registered IDs more may be unknown,
- * and any of a packet that was expected. None is a packet of which most of the preamble is unknown.
+/* By how much another sequence may be better, or may have been in the packet before it together
+ * with this one: what explains both a little better is what is sent. Any sequence looks like a word
+ * if enough of its bits are unknown: a bit less of a word's redundancy is a bit more of chance, or
+ * two where something has appeared, as that is judged with each bit again. With few registered IDs
+ * more may be unknown, and any of a packet that was expected. None is a packet of which most of the
+ * preamble is unknown.
  */
 static double max_word_of(const struct rl_case *judged)
 {
@@ -160,8 +162,9 @@ static double max_word_of(const struct rl_case *judged)
     const double preamble = unknown_bits(&judged->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&judged->bits, RL_PACKET_BITS) - spare;
     const double price = judged->is_new ? price_of_new_bit() : log(2.0);
-    return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY
-                                             : judged->demands->word - price * fmax(unknown, 0.0);
+    return 2.0 * preamble > RL_PREAMBLE_BITS
+               ? -INFINITY
+               : judged->demands->word - judged->word_before - price * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct rl_case *judged)

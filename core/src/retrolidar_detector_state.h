@@ -24,6 +24,7 @@ static const double RL_ACTIVE = 1.5;
 struct rl_active_track {
     uint16_t id;
     struct rl_packet_train train;
+    double word;          /* statistic of the last packet that was read */
     int zone;             /* that saw it best */
     uint64_t zones, near; /* bit masks: those that saw it, and all of them and around them */
 };
@@ -103,9 +104,9 @@ const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index
 bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
                    double overlap_s);
 
-/* Whether packets of an ID follow, by the same clock, others that are held. */
-bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
-                         const struct rl_packet_train *train);
+/* The packets of an ID that a train follows by the same clock; NULL if none are held. */
+const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint16_t id,
+                                               const struct rl_packet_train *train);
 
 /* Find what may be in some zones from one time to another besides an ID: what was read in them
  * first, then what was read beside them. Those whose last packet ended before `since_s` are over.

@@ -55,6 +55,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     if (beside != NULL) {
         add_beside(interference, beside);
     }
+    const struct rl_active_track *before = rl_pool_followed(&detector->pool, hit->id, &train);
     struct rl_case judged = {
         .window = &detector->window,
         .codebook = &detector->search.codebook,
@@ -63,7 +64,8 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .consumed_until_s = detector->consumed_until_s[channel],
         .since_s = since_s,
         .to_s = to_s,
-        .follows = rl_pool_is_followed(&detector->pool, hit->id, &train),
+        .follows = before != NULL,
+        .word_before = before != NULL ? before->word : 0.0,
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };
     detector->window.reference = hits->reference;

@@ -69,7 +69,8 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
     if (track == NULL) {
         track = free_slot(pool);
     }
-    *track = (struct rl_active_track){verdict->id, whole, .zone = reading->zone[0]};
+    *track =
+        (struct rl_active_track){verdict->id, whole, verdict->word, .zone = reading->zone[0]};
     for (int i = 0; i < reading->zones; i++) {
         track->zones |= (uint64_t)1 << reading->zone[i];
         track->near |= around(samples, reading->zone[i]);
@@ -103,16 +104,16 @@ bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, doub
     return false;
 }
 
-bool rl_pool_is_followed(const struct rl_pool *pool, uint16_t id,
-                         const struct rl_packet_train *train)
+const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint16_t id,
+                                               const struct rl_packet_train *train)
 {
     for (int i = 0; i < pool->count; i++) {
         const struct rl_active_track *track = &pool->track[i];
         if (track->id == id && continues(&track->train, train)) {
-            return true;
+            return track;
         }
     }
-    return false;
+    return NULL;
 }
 
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,

@@ -145,6 +145,9 @@ PARTS = {
         'decide', 'verdict->packets == 1 && !judged->follows\n', 'false\n'
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
+    'word test: two packets together': Part(
+        'decide', '- judged->word_before', '- 0.0 * judged->word_before'
+    ),
     'word test: unknown bits of what appeared': Part(
         'decide', 'return 2.0 * log(2.0);', 'return log(2.0);'
     ),

@@ -135,6 +135,11 @@ def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int
     assert scored.wrong == []
 
 
+def test_a_marker_of_another_code_is_not_read_again_and_again() -> None:
+    """By the word test of two packets together."""
+    assert len(play(37, 10782).scored.wrong) <= 3
+
+
 def test_bits_of_another_period_are_no_packets() -> None:
     """By other periods, where packets are combined."""
     _, wrong = played(lambda rng: room_families.other_period(0.021, 60.0, rng), 41, 4)
