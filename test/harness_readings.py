@@ -10,7 +10,7 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors, Prior, Reading, SensorPose, State, reading
+from retrolidar_ros.tasks.reading import Errors, KnownPose, Reading, SensorPose, reading
 
 GRID = ZoneGrid()
 NOISE_M = 0.001
@@ -61,10 +61,10 @@ def estimate_of(landmark: Landmark) -> Estimate:
     return estimate
 
 
-def prior_at(place_m: Floats, variance: float, turn_variance: float) -> Prior:
+def prior_at(place_m: Floats, variance: float, turn_variance: float) -> KnownPose:
     """Return what is known before of something that is not turned [m^2, rad^2]."""
     covariance = np.diag([variance] * 3 + [turn_variance] * 3)
-    return Prior(State(place_m, np.eye(3), np.zeros(3)), covariance)
+    return KnownPose(place_m, np.eye(3), covariance)
 
 
 def mapped(name: str, place_m: Floats) -> Estimate:

@@ -31,7 +31,7 @@ from retrolidar_ros.sensor.rotation import QUARTER_TURNS, matrix_of_turn
 from retrolidar_ros.tasks import landmarks, least_squares, localization, next_view
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Prior, Reading, SensorPose, State
+from retrolidar_ros.tasks.reading import Errors, KnownPose, Reading, SensorPose
 from retrolidar_ros.tasks.survey import Survey
 
 _SIDE_M, _POSE_M, _WRONG_IDS = 0.4, 0.002, 0.05
@@ -133,8 +133,9 @@ def room_trial(rng: np.random.Generator) -> list[Floats]:
         height_m = rng.uniform(-0.5, 0.5)
         on_walls[1000 + 101 * index] = 2 * way / np.abs(way).max() + [0, 0, height_m]
     known = {
-        str(one): Prior(
-            State(place + rng.normal(0, _SURVEY_M, 3), np.eye(3), np.zeros(3)),
+        str(one): KnownPose(
+            place + rng.normal(0, _SURVEY_M, 3),
+            np.eye(3),
             np.diag([_SURVEY_M**2] * 3 + [1.0] * 3),
         )
         for one, place in on_walls.items()

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 from retrolidar_ros.settings.parameter import declared, file_values
+from retrolidar_ros.settings.section import suggestion
 
 READING = (
     *('method', 'bit_period', 'false_ids_per_hour', 'max_packets', 'marker_file'),
@@ -37,9 +37,7 @@ def load_parameters(path: Path) -> dict[str, Any]:
     known = declared()['detector']
     for name, value in found.items():
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f'did you mean {near[0]}?' if near else f'known are {", ".join(known)}'
-            raise ValueError(f'{path}: {name}: no such parameter; {hint}')
+            raise ValueError(f'{path}: {name}: no such parameter; {suggestion(name, known)}')
         found[name] = known[name].check(f'{path}: {name}', value)
     return found
 

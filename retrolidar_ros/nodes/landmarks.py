@@ -25,7 +25,7 @@ from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Prior, Reading
+from retrolidar_ros.tasks.reading import Errors, KnownPose, Reading
 from retrolidar_ros.tasks.survey import Backlog, Batch, Survey
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
@@ -92,7 +92,7 @@ class LandmarksNode(Node):
         repeat(self, _TICK_S, self._solve)
         repeat(self, _TOPICS_S, self._tend_topics)
 
-    def _load(self, path: str) -> tuple[str, dict[str, Prior]]:
+    def _load(self, path: str) -> tuple[str, dict[str, KnownPose]]:
         if not path:
             return self._fixed, {}
         try:

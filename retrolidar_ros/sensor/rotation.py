@@ -58,16 +58,11 @@ def cross_matrix(vectors: Floats) -> Floats:
     return matrices
 
 
-def _quarter_turns() -> list[Floats]:
-    """Return the 24 rotations that turn a cube into itself."""
-    turns = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = np.zeros((3, 3))
-            matrix[range(3), order] = signs
-            if np.linalg.det(matrix) > 0:
-                turns.append(matrix)
-    return sorted(turns, key=lambda turn: -float(np.trace(turn)))
-
-
-QUARTER_TURNS = _quarter_turns()  # the 24 rotations that turn a cube into itself, the least first
+_FLIPS = [
+    np.diag(signs) @ np.eye(3)[list(order)]
+    for order in itertools.permutations(range(3))
+    for signs in itertools.product((1.0, -1.0), repeat=3)
+]
+_TURNS = [one for one in _FLIPS if np.linalg.det(one) > 0]
+QUARTER_TURNS = sorted(_TURNS, key=lambda turn: -float(np.trace(turn)))
+"""The 24 rotations that turn a cube into itself, the least first."""

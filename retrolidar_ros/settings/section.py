@@ -4,7 +4,7 @@
 
 import math
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Collection, Container, Mapping
 from dataclasses import MISSING, fields
 from difflib import get_close_matches
 from typing import Any, TypeAlias, TypeVar, cast, get_type_hints
@@ -34,6 +34,12 @@ class ConfigError(ValueError):
     """An impossible setting; the message names the key and what to write instead."""
 
 
+def suggestion(name: str, known: Collection[str]) -> str:
+    """Return what an unknown name may have meant: the nearest of those known, or all of them."""
+    near = get_close_matches(name, known, n=1)
+    return f'did you mean {near[0]}?' if near else f'known are {", ".join(known)}'
+
+
 def keyed(parsers: Mapping[str, Parser[Any]], optional: Container[str] = ()) -> Parser[Any]:
     """Return a parser of mappings by those of their keys; ConfigError for a missing or other key.
 
@@ -46,9 +52,7 @@ def keyed(parsers: Mapping[str, Parser[Any]], optional: Container[str] = ()) -> 
         above = f'{path}.' if path else ''
         for key in value:
             if key not in parsers:
-                near = get_close_matches(str(key), parsers, n=1)
-                hint = f'did you mean {near[0]}?' if near else f'known are {", ".join(parsers)}'
-                raise ConfigError(f'{above}{key}: unknown key; {hint}')
+                raise ConfigError(f'{above}{key}: unknown key; {suggestion(str(key), parsers)}')
         for key in parsers:
             if key not in value and key not in optional:
                 raise ConfigError(f'{above}{key}: is missing')

@@ -12,7 +12,7 @@ import numpy as np
 from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.least_squares import TURN_VARIANCE, Problem
-from retrolidar_ros.tasks.reading import Errors, Fit, Prior, Reading
+from retrolidar_ros.tasks.reading import Errors, Fit, KnownPose, Reading, State
 
 _GATE = 4.5  # gating: a reading with a residual beyond so many standard deviations is an outlier
 # A landmark is initialised when so many more readings agree than do not, and it has moved when so
@@ -55,7 +55,7 @@ class Landmark:
         name: str,
         markers: Mapping[int, Floats],
         errors: Errors,
-        prior: Prior | None = None,
+        prior: KnownPose | None = None,
         place_variance: Mapping[int, Floats] | None = None,
     ) -> None:
         """Wait for readings; all but the name is as in `Problem`."""
@@ -79,9 +79,10 @@ class Landmark:
         self._is_updated = True
         self._estimate: Estimate | None = None
         if self._known is not None:
-            spread = np.zeros((9, 9))
-            spread[:6, :6] = self._known.covariance
-            self.fit = Fit(self._known.state, spread, -math.inf, np.zeros((0, 3)))
+            position_m, rotation, covariance = self._known
+            spread = np.pad(covariance, (0, 3))
+            state = State(position_m, rotation, np.zeros(3))
+            self.fit = Fit(state, spread, -math.inf, np.zeros((0, 3)))
 
     def take(self, *readings: Reading) -> list[Reading]:
         """Take readings, and return the inliers; those of other markers are ignored.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import QUARTER_TURNS, cross_matrix, matrix_of_turn, turn_of
-from retrolidar_ros.tasks.reading import Errors, Fit, Prior, Reading, State, axes_of
+from retrolidar_ros.tasks.reading import Errors, Fit, KnownPose, Reading, State, axes_of
 
 _MAX_STEPS, _FEW_STEPS = 60, 8
 _SMALL_STEP = 1e-5  # [m] or [rad]
@@ -35,7 +35,7 @@ class Problem:
         markers: Mapping[int, Floats],
         readings: Sequence[Reading],
         errors: Errors,
-        prior: Prior | None = None,
+        prior: KnownPose | None = None,
         place_variance: Mapping[int, Floats] | None = None,
     ) -> None:
         """State the problem of one or more readings, whose pose may have a prior.
@@ -98,7 +98,7 @@ class Problem:
         """Return minus twice the log likelihood of the readings under an estimate."""
         squared = float(np.square(fit.scores).sum())
         if self.prior is not None:
-            before, now = self.prior.state, fit.state
+            before, now = self.prior, fit.state
             turned = turn_of(now.rotation @ before.rotation.T)
             off = np.concatenate([now.position_m - before.position_m, turned])
             squared += float(off @ np.linalg.solve(self.prior.covariance, off))
@@ -175,10 +175,10 @@ class Problem:
         slope[6:] -= still * state.velocity
         if self.prior is not None:
             # Sines of rotations: in a rotation vector, a large yaw would mix with the tilt.
-            turned = self.prior.state.rotation @ state.rotation.T
+            turned = self.prior.rotation @ state.rotation.T
             sines = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
             sines -= np.array([turned[1, 2], turned[2, 0], turned[0, 1]])
-            off = np.append(self.prior.state.position_m - state.position_m, sines / 2)
+            off = np.append(self.prior.position_m - state.position_m, sines / 2)
             known = np.linalg.inv(self.prior.covariance)
             information[:6, :6] += known
             slope[:6] += known @ off

@@ -96,11 +96,11 @@ class State:
     velocity: Floats  # shape (3,) [m/s]
 
 
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """A pose that is known before any reading."""
+class KnownPose(NamedTuple):
+    """A pose in a fixed frame, and how well it is known: an object's or a robot's."""
 
-    state: State
+    position_m: Floats  # shape (3,)
+    rotation: Floats  # turns directions of its own frame into those of the fixed one, shape (3, 3)
     covariance: Floats  # of position [m²] and rotation about the fixed axes [rad²], shape (6, 6)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors, Prior, Reading
+from retrolidar_ros.tasks.reading import Errors, KnownPose, Reading
 
 MAX_LANDMARKS = 500  # of a survey: as many fit into a file that is read
 _ORIGIN = np.zeros(3)
@@ -24,7 +24,7 @@ class Survey:
         self,
         objects: Mapping[str, Mapping[int, Floats]],
         errors: Errors,
-        known: Mapping[str, Prior] | None = None,
+        known: Mapping[str, KnownPose] | None = None,
     ) -> None:
         """Begin with objects, the places (3,) [m] of their markers by ID, and a former survey."""
         self.landmarks: dict[str, Landmark] = {}

@@ -15,13 +15,13 @@ from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 from retrolidar_ros.settings.section import ConfigError, keyed, text
 from retrolidar_ros.settings.yaml_files import load_parsed, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
-from retrolidar_ros.tasks.reading import Prior, State
+from retrolidar_ros.tasks.reading import KnownPose
 
 _BACKUP = '.bak'
 _MAX_NAMED = 5
 
 
-def load_survey(path: Path) -> tuple[str, dict[str, Prior]]:
+def load_survey(path: Path) -> tuple[str, dict[str, KnownPose]]:
     """Return the fixed frame and the landmarks of a file; errors as of `load_parsed`."""
     return load_parsed(path, parse_survey)
 
@@ -110,19 +110,19 @@ def survey_content(frame: str, estimates: list[Estimate]) -> dict[str, Any]:
     }
 
 
-def parse_survey(content: object) -> tuple[str, dict[str, Prior]]:
+def parse_survey(content: object) -> tuple[str, dict[str, KnownPose]]:
     """Return what `survey_content` wrote; ConfigError if numbers are missing or impossible."""
-    found = keyed({'frame': text, 'landmarks': _priors})(content, '')
+    found = keyed({'frame': text, 'landmarks': _poses})(content, '')
     return found['frame'], found['landmarks']
 
 
-def _priors(value: Any, path: str) -> dict[str, Prior]:
+def _poses(value: Any, path: str) -> dict[str, KnownPose]:
     if not isinstance(value, Mapping):
         raise ConfigError(f'{path}: needs a name and a place a line, not {value!r}')
-    return {str(name): _prior(one, f'{path}.{name}') for name, one in value.items()}
+    return {str(name): _pose(one, f'{path}.{name}') for name, one in value.items()}
 
 
-def _prior(value: Any, path: str) -> Prior:
+def _pose(value: Any, path: str) -> KnownPose:
     sizes = {'position': 3, 'orientation': 4, 'covariance': 36}
     found = keyed({key: _numbers(size) for key, size in sizes.items()})(value, path)
     turn, covariance = found['orientation'], found['covariance'].reshape(6, 6)
@@ -130,7 +130,7 @@ def _prior(value: Any, path: str) -> Prior:
         raise ConfigError(f'{path}.orientation: is no quaternion')
     if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
         raise ConfigError(f'{path}.covariance: is not symmetric and above 0')
-    return Prior(State(found['position'], matrix_of(turn), np.zeros(3)), covariance)
+    return KnownPose(found['position'], matrix_of(turn), covariance)
 
 
 def _numbers(count: int) -> Callable[[Any, str], Floats]:

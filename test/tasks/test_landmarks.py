@@ -31,7 +31,7 @@ from retrolidar_ros.tasks import survey as survey_module
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.least_squares import Problem
 from retrolidar_ros.tasks.localization import robot_pose, room_of
-from retrolidar_ros.tasks.reading import Errors, Prior, SensorPose, reading
+from retrolidar_ros.tasks.reading import Errors, KnownPose, SensorPose, reading
 from retrolidar_ros.tasks.survey import Backlog, Survey
 from retrolidar_ros.tasks.survey_files import parse_survey
 
@@ -286,7 +286,7 @@ def test_a_sensor_without_a_pose_is_refused(spoilt: Floats) -> None:
 
 def known_room(
     survey: Sequence[tuple[int, Floats]],
-) -> tuple[dict[str, Prior], dict[str, dict[int, Floats]]]:
+) -> tuple[dict[str, KnownPose], dict[str, dict[int, Floats]]]:
     known = {str(one): prior_at(at, 1e-6, 3.0) for one, at in survey}
     return known, {str(one): {one: np.zeros(3)} for one, _ in survey}
 

@@ -14,7 +14,7 @@ from harness_readings import HERE, estimate_of, mapped
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.yaml_files import MAX_BYTES
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
-from retrolidar_ros.tasks.reading import Errors, Prior, State
+from retrolidar_ros.tasks.reading import Errors, KnownPose
 from retrolidar_ros.tasks.survey import MAX_LANDMARKS
 from retrolidar_ros.tasks.survey_files import load_survey, save_survey
 
@@ -127,7 +127,7 @@ def test_as_many_landmarks_as_are_kept_fit_into_a_file(tmp_path: Path) -> None:
     some = []
     for index in range(20):
         root = rng.normal(size=(6, 6))
-        prior = Prior(State(rng.normal(size=3), np.eye(3), np.zeros(3)), root @ root.T)
+        prior = KnownPose(rng.normal(size=3), np.eye(3), root @ root.T)
         some.append(estimate_of(Landmark(f'{index:0>100}', {}, Errors(), prior)))
     path = tmp_path / 'room.yaml'
     save_survey(path, 'map', some)
