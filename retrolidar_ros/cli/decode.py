@@ -42,15 +42,15 @@ def run(arguments: argparse.Namespace) -> int:
     decoding = Decoding(detector_values(arguments))
     frames = read_frames(arguments.bag, arguments.topic)
     if arguments.tracks:
-        for number, track in enumerate(decoding.follow(frames)):
-            if not arguments.json and not number:
-                print(TRACK_HEADER)
-            print(track_to_json(track) if arguments.json else track_to_text(track))
+        header, tracks = TRACK_HEADER, decoding.follow(frames)
+        lines = map(track_to_json if arguments.json else track_to_text, tracks)
     else:
-        for number, detection in enumerate(decoding.detect(frames)):
-            if not arguments.json and not number:
-                print(TEXT_HEADER)
-            print(to_json(detection) if arguments.json else to_text(detection))
+        header, detections = TEXT_HEADER, decoding.detect(frames)
+        lines = map(to_json if arguments.json else to_text, detections)
+    for number, line in enumerate(lines):
+        if not arguments.json and not number:
+            print(header)
+        print(line)
     sys.stdout.flush()
     print_hints(decoding, describe=arguments.explain)
     return 0 if decoding.detections else NOTHING_READ

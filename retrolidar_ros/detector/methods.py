@@ -53,12 +53,13 @@ def create_detector(
     """
     if method not in METHODS:
         raise ValueError(f'unknown method {method!r}; there is {", ".join(METHODS)}')
-    if not 0 < bit_period_s < math.inf:
-        raise ValueError(f'bit_period of {bit_period_s} s: it must be positive')
-    if not likelihood_threshold > 0:
-        raise ValueError(f'likelihood_threshold of {likelihood_threshold}: it must be positive')
-    if not false_ids_per_hour > 0:
-        raise ValueError(f'false_ids_per_hour of {false_ids_per_hour}: it must be positive')
+    for name, value in (
+        ('bit_period', bit_period_s),
+        ('likelihood_threshold', likelihood_threshold),
+        ('false_ids_per_hour', false_ids_per_hour),
+    ):
+        if not 0 < value < math.inf:
+            raise ValueError(f'{name} of {value}: it must be positive and finite')
     if not 1 <= max_packets <= MAX_PACKETS:
         raise ValueError(f'max_packets of {max_packets}: it must be 1 to {MAX_PACKETS}')
     if method == 'paper':

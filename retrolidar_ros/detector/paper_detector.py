@@ -71,14 +71,13 @@ class LastSamples:
 
     def __init__(self, zones: int, length: int, frame_period_s: float) -> None:
         """Keep `length` samples of `zones` zones taken every `frame_period_s`."""
-        self._length = length
         self.count = 0  # samples taken since the start, gaps included
-        self._period_ns = frame_period_s * 1e9
-        self._signal = np.zeros((length, zones))
-        self._distance = np.full((length, zones), np.nan)
-        self._stamp_ns = np.zeros(length, dtype=np.int64)
-        self._seen = np.zeros(zones, dtype=bool)
         self.impossible = 0  # samples so far that `valid_samples` calls impossible
+        self.signal = np.zeros((length, zones))  # [kcps/SPAD]
+        self.distance = np.full((length, zones), np.nan)  # [m], NaN where none was measured
+        self.stamp_ns = np.zeros(length, dtype=np.int64)
+        self._period_ns = frame_period_s * 1e9
+        self._seen = np.zeros(zones, dtype=bool)
 
     def push(self, frame: Frame) -> Iterator[tuple[int, int]]:
         """Append a frame, and before it what a gap in the stamps has lost, sample by sample.
@@ -92,12 +91,12 @@ class LastSamples:
         [ns].
         """
         normal, impossible = valid_samples(frame.signal, frame.distance, frame.status)
-        previous, last_ns = self._signal[-1].copy(), int(self._stamp_ns[-1])
+        previous, last_ns = self.signal[-1].copy(), int(self.stamp_ns[-1])
         if self.count and frame.stamp_ns == last_ns:
             return
         self.impossible += impossible
         steps = max(1, round((frame.stamp_ns - last_ns) / self._period_ns))
-        if self.count == 0 or frame.stamp_ns < last_ns or steps > self._length:
+        if self.count == 0 or frame.stamp_ns < last_ns or steps > len(self.signal):
             self.count = 0
             steps = 1
             self._seen[:] = False
@@ -105,7 +104,7 @@ class LastSamples:
         if first_seen.any():
             # Before its first normal sample a zone is taken to have been as bright as then: a
             # rise from nothing would look like the end of a dark bit.
-            self._signal[:, first_seen] = frame.signal[first_seen]
+            self.signal[:, first_seen] = frame.signal[first_seen]
             previous[first_seen] = frame.signal[first_seen]
             self._seen |= first_seen
         for step in range(1, steps):
@@ -121,25 +120,12 @@ class LastSamples:
     ) -> None:
         self.count += 1
         for kept, newest in (
-            (self._signal, signal),
-            (self._distance, distance),
-            (self._stamp_ns, stamp_ns),
+            (self.signal, signal),
+            (self.distance, distance),
+            (self.stamp_ns, stamp_ns),
         ):
             kept[:-1] = kept[1:]
             kept[-1] = newest
-
-    def signal(self, samples: int, before: int = 0) -> NDArray[np.float64]:
-        """Return signals [kcps/SPAD] before the newest ones, shape (samples, zones), a view."""
-        end = self._length - before
-        return self._signal[end - samples : end]
-
-    def distance(self, samples: int) -> NDArray[np.float64]:
-        """Return the last distances [m], NaN where none was measured, (samples, zones), a view."""
-        return self._distance[-samples:]
-
-    def first_ns(self, samples: int) -> int:
-        """Return the time of the first of the last samples [ns]."""
-        return int(self._stamp_ns[-samples])
 
 
 class PaperDetector:
@@ -197,9 +183,9 @@ class PaperDetector:
         if start < _MIN_HISTORY:
             return []
         idle = np.flatnonzero(~self._open)
-        history = self._samples.signal(min(start, PACKET_SAMPLES), before=PREAMBLE_SAMPLES)
-        self._d[idle] = silent_level(history[:, idle])
-        fit = fit_preamble(self._samples.signal(PREAMBLE_SAMPLES), self._d)
+        history, preamble = np.split(self._samples.signal, [-PREAMBLE_SAMPLES])
+        self._d[idle] = silent_level(history[-start:, idle])
+        fit = fit_preamble(preamble, self._d)
         likely = fit.likelihood >= self._threshold
         if likely.any():
             better = likely & (fit.likelihood > self._likelihood)
@@ -217,7 +203,7 @@ class PaperDetector:
 
     def _read(self, zones: NDArray[np.intp], stamp_ns: int) -> list[Detection]:
         """Demodulate and decode the packets that have just ended in some zones."""
-        signal = self._samples.signal(PACKET_SAMPLES)[:, zones]
+        signal = self._samples.signal[-PACKET_SAMPLES:, zones]
         bits = threshold_bits(signal, self._d[zones], self._c[zones])
         ids, corrected_bits = decode(bits[:, len(PREAMBLE) :])
         reserved = np.isin(ids, RESERVED_IDS)
@@ -225,7 +211,7 @@ class PaperDetector:
         self.counts.candidates += len(zones)
         self.counts.rejected['golay'] += int(np.count_nonzero(ids < 0))
         self.counts.rejected['reserved'] += int(np.count_nonzero(reserved))
-        start_ns = self._samples.first_ns(PACKET_SAMPLES) - self._half_sample_ns
+        start_ns = int(self._samples.stamp_ns[-PACKET_SAMPLES]) - self._half_sample_ns
         detections = []
         for identity in np.unique(ids[readable]).tolist():
             read = np.flatnonzero(ids == identity)
@@ -236,7 +222,7 @@ class PaperDetector:
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]
             zone = int(zones[read[best]])
-            distance = self._samples.distance(PACKET_SAMPLES)[:, zone]
+            distance = self._samples.distance[-PACKET_SAMPLES:, zone]
             measured = distance[np.isfinite(distance)]
             if len(measured) < _MIN_DISTANCES:
                 self.counts.rejected['distance'] += len(read)
