@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FIRMWARE = ROOT / 'firmware'
 TIME_LIMIT_S = 120.0
 
-IntArray: TypeAlias = 'NDArray[np.integer[Any]]'
+IntArray: TypeAlias = NDArray[np.integer]
 
 
 def make(directory: Path, build: Path, *targets: object) -> str:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings as a sensor would give them, and what is asserted of estimates."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is asserted of the tasks coffee and landmarks, however their nodes were started."""
 
-from __future__ import annotations
-
 import time
 from fnmatch import fnmatchcase
 from itertools import combinations

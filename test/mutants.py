@@ -10,8 +10,6 @@ run until one fails; what all of them pass survives.
     make mutants ARGS=parts
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import itertools

@@ -9,8 +9,6 @@ Each zone has a, g, s and q of its own; the likelihoods of zones are multiplied.
 are known of have a gain each, fitted along, with any template or none.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Sequence

@@ -5,8 +5,6 @@
 It holds a LiDAR, or a camera that looks at AprilTags in the places of the markers.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -6,8 +6,6 @@ An error ends the setup of a launch, but not the processes started by then. So a
 checked before the first one starts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transforms to and from TF, and whether other nodes send the same frames, which then jump."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections import deque

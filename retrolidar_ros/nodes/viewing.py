@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """RViz beside what is launched: the shipped configuration, with its topics and frames."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Sequence

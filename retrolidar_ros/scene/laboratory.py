@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happens to sensors in labs: they move, hands pass, and there is much light."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

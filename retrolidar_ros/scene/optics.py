@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much light of a marker comes back, and how it is shared between the zones."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the sensor reports of a scene, frame after frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.model import VL53L8CX
 
-# In quotes: numpy's number types take no parameter at run time before 1.22 (Ubuntu 22.04).
-Floats: TypeAlias = 'NDArray[np.floating[Any]]'
+Floats: TypeAlias = NDArray[np.floating]
 
 IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), VL53L8CX.valid)  # by status
 _COUNTER = 2**32

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,9 +51,9 @@ class NoiseLaw:
         mean = float(np.where(np.isfinite(light) & (light > 0), light, 0.0).mean())
         return NoiseLaw(self.floor + self.ambient * mean, self.slope, 0.0)
 
-    def variance(self, signal: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    def variance(self, signal: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the variance [(kcps/SPAD)²] at signals [kcps/SPAD] of any shape."""
-        variance: NDArray[np.floating[Any]] = self.floor + self.slope * np.maximum(signal, 0.0)
+        variance: NDArray[np.floating] = self.floor + self.slope * np.maximum(signal, 0.0)
         return variance
 
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where an object is, and how it is turned, by nonlinear least squares over readings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The next viewpoint of a sensor, and remedies if no viewpoint suffices."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

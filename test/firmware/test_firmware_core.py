@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What firmware calls of the core in C, against the package, byte for byte."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from struct import pack

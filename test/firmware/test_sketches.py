@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sketches, run on this machine against stand-ins for an Arduino's libraries."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Sequence

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Transforms and detections that a test publishes: what nodes make of them, and what is refused."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

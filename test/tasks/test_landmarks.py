@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where landmarks are by the readings of them, and a robot among them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

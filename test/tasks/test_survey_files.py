@@ -1,7 +1,5 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-from __future__ import annotations
-
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
