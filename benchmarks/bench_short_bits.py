@@ -16,9 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
+from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface
 
 FRAME_S = 0.021
 DISTANCES_M = (1.0, 1.75, 2.25, 2.75)

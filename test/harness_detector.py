@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
-from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Sensor, Surface
+from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
 # Repeated or alone, this ID shows no second preamble.

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.marker.code import PACKET_BITS
-from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.scene.description import Response
 from retrolidar_ros.sensor.frame import Floats
 
 WALKS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)

@@ -18,9 +18,14 @@ from numpy.typing import NDArray
 from evaluation.bench.stresses import PLAIN, Stress
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import MARKER_SIZE_M, SIGNAL_AT_1_M, Noise, SecondSensor
+from retrolidar_ros.scene.description import (
+    MARKER_SIZE_M,
+    SIGNAL_AT_1_M,
+    Noise,
+    Response,
+    SecondSensor,
+)
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evaluation.bench.recordings import SILENCE_BITS, log_uniform, to_and_fro
 from retrolidar_ros.marker.code import PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.marker.liquid_crystal import Response
+from retrolidar_ros.scene.description import Response
 from retrolidar_ros.scene.reference import RESPONSE
 from retrolidar_ros.scene.transmission import transmitted
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid

@@ -23,10 +23,16 @@ from evaluation.bench.room_markers import (
     room_marker,
 )
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
-from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene import laboratory as lab
-from retrolidar_ros.scene.description import MARKER_SIZE_M, MovingSurface, Sensor, Surface, Waypoint
+from retrolidar_ros.scene.description import (
+    MARKER_SIZE_M,
+    MovingSurface,
+    Response,
+    Sensor,
+    Surface,
+    Waypoint,
+)
 from retrolidar_ros.scene.optics import received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RANGING
 from retrolidar_ros.scene.transmission import exposure_edges

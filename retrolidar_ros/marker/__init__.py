@@ -1,3 +1,3 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The marker: packet and code, sets of IDs, liquid crystal, wake-up, battery, marker files."""
+"""The marker: packet and code, sets of IDs, wake-up, battery, marker files."""

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from retrolidar_ros.marker.code import IDS, RESERVED_IDS
+from retrolidar_ros.marker.code import IDS
+from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.section import (
     ConfigError,
@@ -86,10 +87,9 @@ def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
 
 
 def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
-    if isinstance(identity, bool) or not isinstance(identity, int):
-        raise ConfigError(f'{path}: {identity!r} is not an ID; it needs a number of 1 to {IDS - 2}')
-    if not 0 <= identity < IDS or identity in RESERVED_IDS:
-        raise ConfigError(f'{path}: {identity} is not an ID; 1 to {IDS - 2} are')
+    is_number = isinstance(identity, int) and not isinstance(identity, bool)
+    if not is_number or identity not in USABLE_IDS:
+        raise ConfigError(f'{path}: {identity!r} is not an ID; numbers of 1 to {IDS - 2} are')
     return mapping(KnownMarker, id=identity)(value, f'{path}.{identity}')
 
 

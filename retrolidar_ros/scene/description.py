@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any, TypeAlias
 
+import numpy as np
+
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
-from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.sensor.frame import GRIDS, ZoneGrid
+from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 from retrolidar_ros.settings.section import (
     ConfigError,
     Triple,
@@ -29,11 +30,13 @@ SIGNAL_AT_1_M = 360.0
 """Of 9 cm² facing the sensor [kcps/SPAD], from paper §3.2 and §4: a bare retroreflector of that
 size returns 100.4 times what a board does, which is 4 kcps/SPAD at 1.4 m; the crystal's polarisers
 let a quarter of it pass."""
+_TIME_CONSTANTS = math.log(9)  # in which an exponential runs from 10 to 90 %
 
 Angle: TypeAlias = Annotated[float, quantity('angle', -math.pi / 2, math.pi / 2)]
 ClockError: TypeAlias = Annotated[float, quantity('share', -0.05, 0.05)]  # of a period
 Length: TypeAlias = Annotated[float, quantity('length', 0)]
 Period: TypeAlias = Annotated[float, quantity('time', 1e-3, 10)]
+ResponseTime: TypeAlias = Annotated[float, quantity('time', 1e-6, 0.1)]
 Share: TypeAlias = Annotated[float, quantity('share', 0, 1)]
 Signal: TypeAlias = Annotated[float, quantity('signal', 0)]  # [kcps/SPAD]
 Time: TypeAlias = Annotated[float, quantity('time', 0)]
@@ -124,6 +127,28 @@ class Sensor:
         None
     )
     path: Annotated[tuple[Waypoint, ...], _waypoints] = ()  # poses; none = at the origin
+
+
+@dataclass(frozen=True)
+class Response:
+    """Times in which a liquid crystal darkens and brightens, from 10 to 90 % [s] (paper §2.2)."""
+
+    dark_s: ResponseTime
+    bright_s: ResponseTime
+
+    def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
+        """Return the integral of the relaxation from one level to the next [s].
+
+        Levels are transmissions, 0 to 1, and `elapsed_s` is the time since the edge between them;
+        all are of one shape (...). A bit lasts many time constants, so it starts at the level
+        `before`.
+        """
+        step = before - level
+        tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS
+        share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
+        gone = np.expm1(-np.maximum(share, 0.0))  # before the edge nothing has changed
+        integral: Floats = level * elapsed_s - step * tau * gone
+        return integral
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sensor (a VL53L8CX), wall (the paper's) and liquid crystal of budgets and experiments."""
 
-from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import Noise, Ranging, Sensor
+from retrolidar_ros.scene.description import Noise, Ranging, Response, Sensor
 from retrolidar_ros.sensor.model import VL53L8CX
 
 WALL_SIGNAL = 4.0  # [kcps/SPAD] (paper §3.2)

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.marker.liquid_crystal import Response
-from retrolidar_ros.scene.description import Marker, Occlusion
+from retrolidar_ros.scene.description import Marker, Occlusion, Response
 from retrolidar_ros.sensor.frame import Floats
 
 _AT_ONCE = Response(dark_s=0.0, bright_s=0.0)

@@ -68,10 +68,9 @@ FIELDS = [
 @pytest.mark.parametrize(
     ('markers', 'complaint'),
     [
-        *(({5: {}, one: {}}, f': {one} is not an ID; 1 to 4094 are') for one in (0, 4095, -1)),
         *(
-            ({name: {}}, f': {name!r} is not an ID; it needs a number of 1 to 4094')
-            for name in (True, 'a', 5.0, None)
+            ({5: {}, one: {}}, f': {one!r} is not an ID; numbers of 1 to 4094 are')
+            for one in (0, 4095, -1, True, 'a', 5.5, None)
         ),
         (None, ': needs a mapping of IDs to markers, not None'),
         *(({5: one}, f'.5: needs keys with values, not {one!r}') for one in (None, 'mug', ['f'])),

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Simulation, parse_scene
-from retrolidar_ros.scene.description import Marker, Wander
+from retrolidar_ros.scene.description import Marker, Response, Wander
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import Transmission
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid

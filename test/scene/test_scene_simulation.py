@@ -14,9 +14,16 @@ from numpy.typing import NDArray
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.detection import Place
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.marker.liquid_crystal import Response
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Occlusion, Ranging, Sensor, Surface
+from retrolidar_ros.scene.description import (
+    Marker,
+    Noise,
+    Occlusion,
+    Ranging,
+    Response,
+    Sensor,
+    Surface,
+)
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.truth import judge
