@@ -74,7 +74,6 @@ class _McapFile:
             raise DamageError(f'no end mark at byte {position}')
 
     def _chunk(self, data: bytes) -> Iterator[bytes]:
-        """Yield the messages of the topic in the content of a chunk."""
         _, _, size, checksum, length = _CHUNK_HEAD.unpack_from(data)
         compression = data[_CHUNK_HEAD.size :][:length].decode()
         records = decompress(compression, data[_CHUNK_HEAD.size + length + 8 :])
@@ -117,7 +116,6 @@ class _McapFile:
 
 
 def _text(data: bytes, start: int) -> str:
-    """Return the string at a position in a record."""
     (length,) = _UINT32.unpack_from(data, start)
     return data[start + _UINT32.size :][:length].decode()
 

@@ -104,7 +104,6 @@ def _bag_files(bag: Path) -> tuple[list[Path], DamageError | None]:
 
 
 def _read_file(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes]:
-    """Yield the messages of a topic from one file of a bag, as they were recorded."""
     if file.suffix == '.zstd':
         with TemporaryDirectory() as directory:
             plain = Path(directory, file.stem)

@@ -29,7 +29,6 @@ _COMMITTED = 250  # frames at a time: what a disk that fills up, or a power cut,
 
 @cache
 def _type_store() -> Typestore:
-    """Return the types of ROS and of this package."""
     from rosbags import typesys
 
     definition = shared_file('msg/Frame.msg').read_text(encoding='utf-8')

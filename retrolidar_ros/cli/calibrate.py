@@ -57,7 +57,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _draw(found: Calibration, path: Path, source: str) -> None:
-    """Draw the variances of steady zones over their signals, and the noise law."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.5, 4.5), layout='constrained')

@@ -111,7 +111,6 @@ def start_emulator(processes: ProcessGroup, scene: str, port: Path, *options: st
 
 
 def _listen(scene: Scene, listener: Listener, processes: ProcessGroup) -> None:
-    """Process messages until every marker was read often enough, and print progress."""
     names = {marker.id: marker.name for marker in scene.markers}
     shown: set[int] = set()
 

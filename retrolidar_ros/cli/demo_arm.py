@@ -111,7 +111,6 @@ def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:
 
 
 def _draw(hand: _Hand, names: Sequence[str], path: Path) -> None:
-    """Draw the error of each object, and its estimated deviation, over the places so far."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4.5), layout='constrained')

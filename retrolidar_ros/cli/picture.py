@@ -42,7 +42,6 @@ class _Shown(NamedTuple):
 
 
 def _zone_map(axes: Any, grid: ZoneGrid, modulation: Floats) -> None:
-    """Draw the zones as seen from the sensor, shaded by how much their signal varies."""
     from matplotlib.colors import LogNorm
     from matplotlib.patheffects import withStroke
 
@@ -128,7 +127,6 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -
 
 
 def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
-    """Draw the middle of a zone's signal without a reading."""
     middle_s, half_s = float(shown.time_s[-1]) / 2, _SHOWN_BITS * BIT_PERIOD_S / 2
     colour = shown.zones[zone.zone]
     _signal(axes, shown, zone.zone, middle_s - half_s, middle_s + half_s, colour)
@@ -137,7 +135,6 @@ def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
 
 
 def _signals(axes: Any, shown: _Shown) -> None:
-    """Draw the signals of the zones of interest over the whole recording."""
     drawn: list[str] = []
     for zone, colour in shown.zones.items():
         signal = shown.recording.signal[:, zone]
@@ -153,7 +150,6 @@ def _signals(axes: Any, shown: _Shown) -> None:
 
 
 def _every_zone(figure: Any, place: Any, shown: _Shown) -> None:
-    """Draw the signals of all zones over the whole recording, arranged as the zones."""
     grid, first = shown.recording.grid, None
     for zone, part in enumerate(place.subgridspec(grid.rows, grid.columns)):
         axes = figure.add_subplot(part, sharex=first, sharey=first)
@@ -169,7 +165,6 @@ def _every_zone(figure: Any, place: Any, shown: _Shown) -> None:
 def _ranges(
     axes: Any, shown: _Shown, readings: Sequence[Detection], tracks: Sequence[Track]
 ) -> None:
-    """Draw the ranges of markers over the whole recording."""
     for identity, colour in shown.ids.items():
         own = [one for one in readings if one.id == identity]
         read_s = [(one.stamp_ns - shown.origin_ns) * 1e-9 for one in own]

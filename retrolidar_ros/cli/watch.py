@@ -49,8 +49,6 @@ _MORE_DB = 3.0  # another zone has to blink by so much more than that which is s
 
 
 class _Tally(NamedTuple):
-    """Counters at some time."""
-
     time_s: float
     frames: int
     restarts: int
@@ -136,7 +134,6 @@ class Watch:
         )
 
     def _trouble(self, then: _Tally, now: _Tally) -> str:
-        """Return what is wrong since `then`."""
         if problem := self._source.problem:
             return f'{problem}; retrying'
         silence_s = now.time_s - self._last_arrival_s

@@ -106,7 +106,6 @@ def _flow(snapshot: Snapshot) -> str:
 
 
 def _zones(snapshot: Snapshot, frame: Frame) -> Iterator[str]:
-    """Yield the zones in rows and columns, each in two lines."""
     grid = frame.grid
     rule = '+'.join(['-' * _CELL[grid.columns]] * grid.columns)
     for row in range(grid.rows):
@@ -120,7 +119,6 @@ def _zones(snapshot: Snapshot, frame: Frame) -> Iterator[str]:
 
 
 def _cell(snapshot: Snapshot, frame: Frame, zone: int) -> tuple[str, str]:
-    """Return the two lines of a zone."""
     width = _CELL[frame.grid.columns]
     bar = width - 8
     blinking = '=' * round(bar * min(max(snapshot.modulation_db[zone] / _FULL_BAR_DB, 0.0), 1.0))
@@ -132,7 +130,6 @@ def _cell(snapshot: Snapshot, frame: Frame, zone: int) -> tuple[str, str]:
 
 
 def _bits(snapshot: Snapshot) -> list[str]:
-    """Return the levels and newest bits of the shown zone."""
     if snapshot.zone is None:
         return ['no zone blinks', '']
     bits = snapshot.bits

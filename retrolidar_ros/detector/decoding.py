@@ -26,7 +26,6 @@ class Decoding:
         self._begin(ZoneGrid())
 
     def _begin(self, grid: ZoneGrid) -> None:
-        """Forget all, and begin to read frames of a grid."""
         self._grid = grid
         self._detector = self._settings.detector(grid)
         self._agreement = Agreement(self._settings.values['min_readings'])

@@ -122,7 +122,6 @@ class Explanation:
             self._trials.append(trial)
 
     def _unread(self, zones: Iterable[BlinkingZone]) -> list[Finding]:
-        """Return why zones that blink are not read."""
         result: list[Finding] = []
         for zone in zones:
             if zone.zone not in self._explained and len(result) < _MAX_ZONES:
@@ -181,7 +180,6 @@ class Explanation:
         return candidates((one.bit_period_s for one in zone.periods), self._frame_s)
 
     def _read(self, recording: Recording, **changes: Any) -> list[Detection]:
-        """Read a recording with other values."""
         return self._settings.changed(**changes).detector(recording.grid).update_all(recording)
 
     def _read_with(self, recording: Recording, bit_s: float) -> list[Detection]:
@@ -233,7 +231,6 @@ def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
 
 
 def _surroundings(recording: Recording, noise_scale: float) -> list[Finding]:
-    """Return what is wrong with the noise and the light."""
     result = []
     if not 1 / _MAX_NOISE < noise_scale < _MAX_NOISE:
         result.append(Finding(Cause.NOISE, scale=noise_scale))

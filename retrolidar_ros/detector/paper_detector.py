@@ -153,7 +153,6 @@ class PaperDetector:
         self._begin()
 
     def _begin(self) -> None:
-        """Forget all candidates and detections."""
         self._last_start_ns: dict[int, int] = {}
         zones = self._grid.zones
         self._open = np.zeros(zones, dtype=bool)
@@ -202,7 +201,6 @@ class PaperDetector:
         return detections
 
     def _read(self, zones: NDArray[np.intp], stamp_ns: int) -> list[Detection]:
-        """Demodulate and decode the packets that have just ended in some zones."""
         signal = self._samples.signal[-PACKET_SAMPLES:, zones]
         bits = threshold_bits(signal, self._d[zones], self._c[zones])
         ids, corrected_bits = decode(bits[:, len(PREAMBLE) :])

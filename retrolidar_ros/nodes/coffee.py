@@ -111,7 +111,6 @@ class CoffeeNode(Node):
         return self._board.missing(self.get_clock().now().nanoseconds)
 
     def _advice(self) -> str:
-        """Return remedies for objects that are not known well enough."""
         if not self._target:
             return '; set target_frame, and look from several places'
         view = self._planner.view

@@ -172,7 +172,6 @@ class TransformedDetections(DetectionSubscriber):
             self._drop(self._waiting.popleft()[0])
 
     def _check_clock(self) -> None:
-        """Begin again if time has jumped back."""
         now = self._node.get_clock().now()
         if now + _JUMP < self._ticked:
             self.finder.forget()

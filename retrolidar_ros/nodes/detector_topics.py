@@ -112,7 +112,6 @@ class DetectorTopics:
             self._draw(messages)
 
     def _is_due(self, stamp_ns: int) -> bool:
-        """Return whether tracks are to be sent by `max_track_rate`."""
         max_rate_hz = self._values['max_track_rate']
         if max_rate_hz and abs(stamp_ns - self._sent_ns) < _EARLY * 1e9 / max_rate_hz:
             return False

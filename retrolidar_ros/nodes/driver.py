@@ -188,8 +188,6 @@ class DriverNode(LifecycleNode):
         self._values = values
 
     def _read(self, source: SerialSource) -> None:
-        """Read until the node or its context ends."""
-
         def report(line: str) -> None:
             # A separate call for each severity: a logger refuses two from one line.
             if source.is_open:

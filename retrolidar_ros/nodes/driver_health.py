@@ -21,8 +21,6 @@ NO_CLOCK = 'use_sim_time is set, but nobody publishes /clock: frames are dropped
 
 
 class _Counts(NamedTuple):
-    """What has come so far."""
-
     frames: int = 0
     lost: int = 0
     damaged: int = 0

@@ -55,7 +55,6 @@ class HeartbeatNode(Node):
             self._tick()
 
     def _tick(self) -> None:
-        """Advance the time, and log markers that are overdue or back."""
         now_s = self._now_s()
         if not now_s:  # a simulated clock that does not tick yet
             return

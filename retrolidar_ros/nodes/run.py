@@ -78,7 +78,6 @@ def _signals() -> int:
 
 
 def _spin(nodes: list[Node], signals: int) -> None:
-    """Process callbacks until a signal comes or the context ends."""
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)

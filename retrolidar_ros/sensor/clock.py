@@ -78,7 +78,6 @@ class ClockMap:
         return sensor_ns + self._turns_ns
 
     def _on_line(self, sensor_ns: int) -> int:
-        """Return the host time of a sensor time on the supporting line."""
         origin_sensor_ns, origin_host_ns = self._origin
         # Differences are taken in integers: ROS time in nanoseconds exceeds a float's precision.
         return origin_host_ns + round(self._rate * (sensor_ns - origin_sensor_ns))

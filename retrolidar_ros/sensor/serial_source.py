@@ -135,7 +135,6 @@ class SerialSource:
         report: Callable[[str], None],
         stop: Event,
     ) -> None:
-        """Pass on frames until the port fails or `stop` is set."""
         # Not line.read: it takes the first byte by itself, so a frame would cost twice the calls.
         waiting = select.poll()
         waiting.register(line.fileno(), select.POLLIN)

@@ -59,8 +59,6 @@ def _light(cell: str) -> _Cell:
 
 
 class _Table:
-    """The table of one frame, line by line."""
-
     def __init__(self) -> None:
         self.has_title = False
         self._has_light = False
@@ -132,7 +130,6 @@ class StExampleReader(Reader):
         return SWITCH_LIGHT if is_wanted else b''
 
     def _read(self, piece: bytes | None) -> Frame | None:
-        """Return the frame that a line completes, if it does."""
         if piece is None or not _TEXT.fullmatch(piece):
             self.counts.bad_framing += piece is not None
             self._table = None

@@ -123,7 +123,6 @@ class Landmark:
                 self._relocate(reading)
 
     def _update(self) -> None:
-        """Compute the place from the readings added since."""
         if not self._is_updated:
             self._is_updated, self._estimate = True, None
             self._solve()
@@ -179,7 +178,6 @@ class Landmark:
         return float(np.abs(self._problem([reading]).scores(self.fit)).max())
 
     def _solve(self) -> None:
-        """Fit all members, without outliers."""
         while True:
             start = self.fit if self._knows_rotation() else None
             # A copy: the members change while the estimate stays.

@@ -164,7 +164,6 @@ class Problem:
     def _equations(
         self, state: State, jacobian: Floats, residual: Floats, weight: Floats
     ) -> tuple[Floats, Floats]:
-        """Return the normal equations of ranges and of what was known before."""
         weighted = jacobian[:, 0].T @ weight
         information = weighted @ jacobian[:, 0]
         slope = weighted @ residual[:, 0]

@@ -147,7 +147,6 @@ def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
 
 
 def _fitted(blocks: list[Block], zones: list[int]) -> NoiseFound:
-    """Return the law that fits the variances of blocks best."""
     signal = np.array([max(block.signal, 0.0) for block in blocks])
     ambient = np.array([block.ambient for block in blocks])
     variance = np.array([block.variance for block in blocks])
