@@ -48,8 +48,7 @@ class View(NamedTuple):
 
     def of(self, position_m: Floats) -> Floats:
         """Return where a place of the optical frame is in this one."""
-        place: Floats = self.rotation @ position_m + self.translation_m
-        return place
+        return self.rotation @ position_m + self.translation_m
 
 
 SENSOR_VIEW = View(SENSOR_FRAME, np.eye(3), np.zeros(3))

@@ -76,8 +76,7 @@ def light(sending: Sending, begin_s: Floats, end_s: Floats) -> Floats:
         total: Floats = before_s + response.integral(before, level, in_bit_s).sum(axis=1)
         return total
 
-    mean: Floats = (until(end_s) - until(begin_s)) / (end_s - begin_s)
-    return mean
+    return (until(end_s) - until(begin_s)) / (end_s - begin_s)
 
 
 class Zone:

@@ -209,8 +209,7 @@ class _Zones(Simulation):
         since_s = self.packet_s * (from_middle - nearest)[..., None]
         half_s = self._stress.hand_s / 2
         bounded_s = np.clip(since_s + self.period_s * np.array([-0.5, 0.5]), -half_s, half_s)
-        hidden: Floats = (bounded_s[..., 1] - bounded_s[..., 0]) / self.period_s
-        return hidden
+        return (bounded_s[..., 1] - bounded_s[..., 0]) / self.period_s
 
 
 def _lose_targets(

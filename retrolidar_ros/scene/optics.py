@@ -70,8 +70,7 @@ def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
     scaled = distance / sigma
     cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
     density = np.exp(-scaled * scaled / 2) / math.sqrt(2 * math.pi)
-    ramp: Floats = sigma * (scaled * cumulative + density)
-    return ramp
+    return sigma * (scaled * cumulative + density)
 
 
 def line_shares(

@@ -19,8 +19,7 @@ _AT_ONCE = Response(dark_s=0.0, bright_s=0.0)
 
 def exposure_edges(middle_s: Floats, exposure_s: float) -> Floats:
     """Return begin and end of exposures about times of shape (n,) [s], shape (n, 2)."""
-    edges_s: Floats = middle_s[:, None] + exposure_s * np.array([-0.5, 0.5])
-    return edges_s
+    return middle_s[:, None] + exposure_s * np.array([-0.5, 0.5])
 
 
 def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Floats) -> Floats:

@@ -71,8 +71,7 @@ class ZoneGrid:
         """Centre of each zone as (x/z, y/z), shape (zones, 2)."""
         row, column = np.divmod(np.arange(self.zones), self.columns)
         steps = [column - (self.columns - 1) / 2, row - (self.rows - 1) / 2]
-        tangents: Floats = self.pitch * np.stack(steps, axis=-1)
-        return tangents
+        return self.pitch * np.stack(steps, axis=-1)
 
     @cached_property
     def directions(self) -> Floats:

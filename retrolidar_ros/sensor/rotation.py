@@ -31,8 +31,7 @@ def quaternion_of(matrix: Floats) -> Floats:
             [zy - yz, xz - zx, yx - xy, xx + yy + zz],
         ]
     )
-    quaternion: Floats = np.linalg.eigh(symmetric)[1][:, -1]
-    return quaternion
+    return np.linalg.eigh(symmetric)[1][:, -1]
 
 
 def matrix_of_turn(turn: Floats) -> Floats:
@@ -54,8 +53,7 @@ def turn_of(matrix: Floats) -> Floats:
 
 def cross_matrix(vectors: Floats) -> Floats:
     """Return the matrices that multiply as the cross product with vectors (..., 3) does."""
-    matrices: Floats = (vectors @ _CROSS.reshape(3, 9)).reshape(*vectors.shape, 3)
-    return matrices
+    return (vectors @ _CROSS.reshape(3, 9)).reshape(*vectors.shape, 3)
 
 
 _FLIPS = [

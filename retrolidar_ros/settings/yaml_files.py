@@ -25,8 +25,7 @@ class _CarefulLoader(yaml.SafeLoader):
             loader: Any = self
             mark = loader.peek_event().start_mark
             raise yaml.composer.ComposerError(None, None, 'aliases are not read', mark)
-        node: yaml.Node | None = super().compose_node(parent, index)
-        return node
+        return super().compose_node(parent, index)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
@@ -65,8 +64,7 @@ def load_yaml(path: Path) -> Any:
 
 def yaml_text(content: object) -> str:
     """Return plain values as YAML, in their order, lists of numbers on lines of their own."""
-    text: str = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-    return text
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
 
 
 def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:

@@ -151,8 +151,7 @@ class Problem:
     def _bearing_weights(self, bearing: Floats, edge_rad2: Floats) -> Floats:
         """Return 1 / variance of directions in boxes, shape (n, 2) [1/rad²]."""
         count = _redundancy(self._axes, self._marker, bearing, self._half_box)
-        weights: Floats = 1 / (self._half_box**2 / 3 + edge_rad2) / count
-        return weights
+        return 1 / (self._half_box**2 / 3 + edge_rad2) / count
 
     def _inverse(self, information: Floats) -> Floats:
         """Return the covariance of the state, shape (9, 9)."""
@@ -241,8 +240,7 @@ def _redundancy(axes: Floats, marker: NDArray[np.int64], bearing: Floats, half: 
 def _information(jacobian: Floats, weights: Floats) -> Floats:
     """Return the information of directions with weights (n, 2), shape (9, 9)."""
     rows = jacobian.reshape(-1, jacobian.shape[-1])
-    information: Floats = (rows * weights.reshape(-1, 1)).T @ rows
-    return information
+    return (rows * weights.reshape(-1, 1)).T @ rows
 
 
 def _variance_of(jacobian: Floats, covariance: Floats) -> Floats:
@@ -265,5 +263,4 @@ def _wandered(before_s: Floats) -> Floats:
     late -= short * np.exp(-long / tau)
     same = white - tau**2 * early + tau**3 * late
     across = tau * (apart_s + tau * np.expm1(-apart_s / tau))
-    wandered: Floats = np.where(np.outer(before_s, before_s) < 0, np.outer(across, across), same)
-    return wandered
+    return np.where(np.outer(before_s, before_s) < 0, np.outer(across, across), same)

@@ -158,8 +158,7 @@ def test_each_display_shows_topics_of_its_type() -> None:
 def rotation(roll: float, pitch: float, yaw: float) -> Floats:
     """Return the matrix of URDF's angles: about the fixed axes x, then y, then z."""
     about_x, about_y, about_z = map(matrix_of_turn, np.diag([roll, pitch, yaw]))
-    turn: Floats = about_z @ about_y @ about_x
-    return turn
+    return about_z @ about_y @ about_x
 
 
 OPTICAL = np.transpose([[0, -1, 0], [0, 0, -1], [1, 0, 0]])

@@ -91,8 +91,7 @@ def map_all(clock_map: ClockMap, run: Run) -> Integers:
 
 
 def errors_ms(run: Run, stamps_ns: Integers) -> Floats:
-    errors: Floats = (stamps_ns - run.host_ns).astype(np.float64) / 1e6
-    return errors
+    return (stamps_ns - run.host_ns).astype(np.float64) / 1e6
 
 
 def checked_errors_ms(run: Run, restarts: int = 0, set_back: bool = False) -> Floats:
@@ -269,8 +268,7 @@ def test_a_clock_that_drifts_is_followed() -> None:
     def warming_and_cooling(true_s: Floats) -> Floats:
         """Swing by 1000 ppm in ten minutes."""
         radians = 2 * np.pi * true_s / 600
-        error_s: Floats = 1e-3 * 600 / (2 * np.pi) * (1 - np.cos(radians))
-        return error_s
+        return 1e-3 * 600 / (2 * np.pi) * (1 - np.cos(radians))
 
     run = simulate(1200, period_s=SLOW_PERIOD_S, sensor_error_s=warming_and_cooling)
     check(run, (2, inf, 8))
