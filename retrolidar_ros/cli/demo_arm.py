@@ -20,7 +20,7 @@ from retrolidar_ros.nodes.emulated_arm import IN_BASE
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.truth import RARE
+from retrolidar_ros.scene.truth import is_inside
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.settings.resources import shared_file
 
@@ -72,8 +72,8 @@ class _Hand:
         covariance = IN_BASE.T @ covariance_of(message.pose)[:3, :3] @ IN_BASE
         time_s = self.time_s(to_ns(message.header.stamp))
         off_mm = 1e3 * float(np.linalg.norm(off_m))
-        is_inside = bool(off_m @ np.linalg.solve(covariance, off_m) < RARE)
-        self._known[name].append(Known(time_s, off_mm, 1e3 * largest_stddev(covariance), is_inside))
+        stddev_mm = 1e3 * largest_stddev(covariance)
+        self._known[name].append(Known(time_s, off_mm, stddev_mm, is_inside(off_m, covariance)))
 
 
 def run_arm(scene: Scene, file: Path, picture: Path, listener: Listener) -> int:

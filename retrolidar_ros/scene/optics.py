@@ -57,18 +57,14 @@ def position_at(marker: Marker, time_s: Floats) -> Floats:
     return position
 
 
-def _erf(values: Floats) -> Floats:
-    """Return the error function, which numpy has not, of values of any shape."""
-    # numpy.vectorize takes twice as long.
-    return np.array([math.erf(one) for one in values.ravel().tolist()]).reshape(values.shape)
-
-
 def _ramp(distance: Floats, sigma: Floats | float) -> Floats:
     """Integrate the cumulative normal distribution, or the unit step where sigma is 0."""
     if np.all(sigma == 0):
         return np.maximum(distance, 0.0)
     scaled = distance / sigma
-    cumulative = (1 + _erf(scaled / math.sqrt(2))) / 2
+    # numpy has no error function, and numpy.vectorize takes twice as long.
+    erf = np.array([math.erf(one) for one in (scaled / math.sqrt(2)).ravel().tolist()])
+    cumulative = (1 + erf.reshape(scaled.shape)) / 2
     density = np.exp(-scaled * scaled / 2) / math.sqrt(2 * math.pi)
     return sigma * (scaled * cumulative + density)
 

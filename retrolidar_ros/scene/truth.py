@@ -14,7 +14,12 @@ from retrolidar_ros.scene.laboratory import seen_from
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Floats, Recording
 
-RARE = 16.266  # squared distance, in deviations, that holds 99.9 % of a normal in space
+_RARE = 16.266  # squared distance, in deviations, that holds 99.9 % of a normal in space
+
+
+def is_inside(off_m: Floats, covariance: Floats) -> bool:
+    """Return whether an error, shape (3,), is in the 99.9 % ellipsoid of a covariance (3, 3)."""
+    return bool(off_m @ np.linalg.solve(covariance, off_m) < _RARE)
 
 
 class Outcome(NamedTuple):
@@ -80,7 +85,7 @@ def judge(
                 place_error_m=np.nan if worst is None else float(np.linalg.norm(off[worst])),
                 place_stddev_m=np.nan if worst is None else places[worst].stddev_m,
                 is_placed=all(
-                    vector @ np.linalg.solve(one.covariance[:3, :3], vector) < RARE
+                    is_inside(vector, one.covariance[:3, :3])
                     for one, vector in zip(places, off, strict=True)
                 ),
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,

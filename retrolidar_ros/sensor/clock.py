@@ -28,10 +28,9 @@ class ClockMap:
         """Start without knowledge; stamps are less by the known delay `min_delay_s`."""
         self.restarts = 0
         self.skew = 0.0  # host seconds per sensor second, less one; 0 while unknown
-        self._min_delay_ns = round(min_delay_s * 1e9)
         self.offset_s = 0.0  # host time less sensor time, of the last frame
         self._turns_ns = 0
-        self._last_stamp_ns: int | None = None
+        self.set_min_delay(min_delay_s)
         self._hull: list[tuple[int, int]] = []
         self._rate, self._origin = 1.0, (0, 0)
         self._last_pair = (0, 0)
@@ -40,7 +39,7 @@ class ClockMap:
     def set_min_delay(self, min_delay_s: float) -> None:
         """Subtract another delay from the stamps to come, which may go back once."""
         self._min_delay_ns = round(min_delay_s * 1e9)
-        self._last_stamp_ns = None
+        self._last_stamp_ns: int | None = None
 
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
         """Return the host time [ns] of the middle of an exposure, by the clocks of sensor and host.

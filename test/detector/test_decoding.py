@@ -51,12 +51,6 @@ def test_all_frames_before_an_error_count() -> None:
         next(detections)
 
 
-def test_detections_come_before_the_last_frame() -> None:
-    source = iter(frames(10.0))
-    assert next(decoding().detect(source)).id == ID
-    assert len(list(source)) > 200
-
-
 def test_a_table_shows_the_best_of_what_was_rejected() -> None:
     scene = a_scene(start_s=0.0, packets=None, bit_period_s=0.0455)
     source, judging = list(simulate(scene, 6.0)), decoding()

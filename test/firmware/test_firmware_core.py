@@ -24,7 +24,7 @@ from harness_firmware import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from retrolidar_ros.marker.code import IDS, PACKET_BITS, RESERVED_IDS, packet
+from retrolidar_ros.marker.code import packet
 from retrolidar_ros.marker.wakeup import REACH_M, THRESHOLD_V, voltage_v
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import encode_frame, encode_packet
@@ -37,7 +37,7 @@ class Core:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        names = ('command', 'marker', 'packet', 'wire')
+        names = ('command', 'marker', 'wire')
         self.ffi, self.lib = bind_core(directories, *names)
 
     def encode(
@@ -82,14 +82,6 @@ class Core:
 @pytest.fixture(scope='module')
 def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
     return Core(tmp_path_factory)
-
-
-def test_all_packets_are_those_of_the_code_and_reserved_ids_are_not_usable(core: Core) -> None:
-    numbers = np.array([core.lib.rl_packet(number) for number in range(IDS)])
-    bits = numbers[:, None] >> np.arange(PACKET_BITS - 1, -1, -1) & 1
-    np.testing.assert_array_equal(bits, packet(np.arange(IDS)))
-    usable = {number for number in range(IDS + 10) if core.lib.rl_id_is_usable(number)}
-    assert usable == set(range(IDS)) - set(RESERVED_IDS)
 
 
 # --- Wire
