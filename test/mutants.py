@@ -58,6 +58,13 @@ OPERATOR = re.compile(r' (<=|>=|==|!=|<|>|&&|\|\|) ')
 CALL = re.compile(r'^\s+(?!return|raise|yield|assert|del)[\w.>-]+\(.*\);?$')
 COMMENT = re.compile(r'/\*.*?\*/', re.DOTALL)
 TIMEOUT_S = 900
+MAKEFILE = """
+{module}: $(patsubst %.c,objects/%.o,_core.c $(notdir $(wildcard core/src/*.c)))
+	cc -shared $^ -lm -o $@
+objects/%.o: %.c
+	cc {flags} -w -fPIC -Icore/src -I{headers} -c $< -o $@
+vpath %.c core/src objects
+"""
 
 
 class Mutant(NamedTuple):
@@ -133,15 +140,15 @@ class Copy:
             if path.name == 'msg' or path.suffix == '.so':
                 (root / 'retrolidar_ros' / path.name).symlink_to(path.resolve())
         (module,) = (root / 'retrolidar_ros').glob('_core.*.so')
-        self._module = module
-        self._objects = root / 'objects'
-        self._objects.mkdir()
-        binding = self._objects / '_core.c'
-        self.run(f'{shlex.quote(sys.executable)} core/binding.py {binding}')
-        for source in [binding, *sorted((root / 'core/src').glob('*.c'))]:
-            if not self._compile(source):
-                sys.exit(f'{source} does not compile without any mutant')
-        self._link()
+        module.unlink()
+        (root / 'objects').mkdir()
+        flags = ' '.join((ROOT / 'core/compile_flags.txt').read_text().split())
+        headers = sysconfig.get_path('include')
+        text = MAKEFILE.format(module=module.relative_to(root), flags=flags, headers=headers)
+        (root / 'objects/Makefile').write_text(text)
+        self.run(f'{shlex.quote(sys.executable)} core/binding.py objects/_core.c')
+        if not self.compiles():
+            sys.exit('the core does not compile without any mutant')
 
     def run(self, command: str) -> int:
         """Run a command in the environment of the package, with the copy before it."""
@@ -160,16 +167,9 @@ class Copy:
             os.killpg(process.pid, 9)
             return process.wait()
 
-    def _compile(self, source: Path) -> bool:
-        flags = ' '.join((ROOT / 'core/compile_flags.txt').read_text().split())
-        headers = f'-I{self._root}/core/src -I{sysconfig.get_path("include")}'
-        target = self._objects / f'{source.stem}.o'
-        return self.run(f'cc {flags} -w -fPIC {headers} -c {source} -o {target}') == 0
-
-    def _link(self) -> None:
-        self._module.unlink()
-        objects = ' '.join(map(str, sorted(self._objects.glob('*.o'))))
-        self.run(f'cc -shared {objects} -lm -o {self._module}')
+    def compiles(self) -> bool:
+        """Compile what has changed of the core; return whether that was possible."""
+        return self.run('make -f objects/Makefile') == 0
 
     def passes(self, folder: str, file: Path | None = None) -> bool:
         """Return whether all tests of a folder pass, of which those of a file come first."""
@@ -183,18 +183,11 @@ class Copy:
         path = self._root / mutant.file
         whole = path.read_text()
         path.write_text(whole[: mutant.begin] + mutant.text + whole[mutant.end :])
-        in_c = path.suffix == '.c'
         try:
-            if in_c and not self._compile(path):
-                return True
-            if in_c:
-                self._link()
-            return not self.passes(mutant.folder, mutant.file)
+            return not (self.compiles() and self.passes(mutant.folder, mutant.file))
         finally:
             path.write_text(whole)
-            if in_c:
-                self._compile(path)
-                self._link()
+            self.compiles()
 
 
 def main() -> None:

@@ -88,19 +88,13 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
         option = f'--{name.replace("_", "-")}'
         description = f'{one.summary()} (default: {one.default!r})'
         kind = type(one.default)
+        how: dict[str, Any] = {'choices': one.among}
         if kind is bool:
-            options.add_argument(
-                option, dest=name, action='store_const', const=True, help=description
-            )
-            continue
-        options.add_argument(
-            option,
-            dest=name,
-            type=str if one.among else partial(_value, name),
-            choices=one.among or None,
-            metavar=None if one.among else _UNITS.get(name, _METAVARS[kind]).upper(),
-            help=description,
-        )
+            how = {'action': 'store_const', 'const': True}
+        elif not one.among:
+            metavar = _UNITS.get(name, _METAVARS[kind]).upper()
+            how = {'type': partial(_value, name), 'metavar': metavar}
+        options.add_argument(option, dest=name, help=description, **how)
 
 
 def _value(name: str, text: str) -> Any:

@@ -107,11 +107,7 @@ def to_point_cloud(frame: Frame, frame_id: str) -> PointCloud2:
     """Return a point on the axis of each zone, in rows and columns; NaN of no target."""
     grid = frame.grid
     depth = _depth(frame)
-    points = np.empty((grid.zones, len(_POINT_FIELDS)), dtype='<f4')
-    points[:, :2] = grid.tangents * depth[:, None]
-    points[:, 2] = depth
-    points[:, 3] = frame.signal
-    points[:, 4] = frame.ambient
+    points = np.column_stack([grid.tangents * depth[:, None], depth, frame.signal, frame.ambient])
     fields = [
         PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
         for index, name in enumerate(_POINT_FIELDS)
@@ -124,7 +120,7 @@ def to_point_cloud(frame: Frame, frame_id: str) -> PointCloud2:
         is_bigendian=False,
         point_step=4 * len(_POINT_FIELDS),
         row_step=4 * len(_POINT_FIELDS) * grid.columns,
-        data=array('B', points.tobytes()),
+        data=array('B', points.astype('<f4').tobytes()),
         is_dense=bool(np.isfinite(depth).all()),
     )
 

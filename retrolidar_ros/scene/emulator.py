@@ -142,12 +142,10 @@ def emulate(
         with suppress(KeyboardInterrupt):
             for frame, _ in frames_in_real_time(scene, duration_s, start_ns, time.monotonic_ns):
                 port.write(firmware.answer(port.read()))
-                if not (data := firmware.encode(frame)):
-                    continue
-                if port.write(data):
-                    sent += 1
-                else:
-                    lost += 1
+                if data := firmware.encode(frame):
+                    is_sent = port.write(data)
+                    sent += is_sent
+                    lost += not is_sent
         time.sleep(_LINGER_S)
     return sent, lost
 
