@@ -181,7 +181,7 @@ def test_frames_of_one_stamp_and_blind_zones_do_no_harm(method: str) -> None:
     ('name', 'values', 'message'),
     [
         ('bit_period_s', (0.0, -0.042, np.inf, np.nan), 'bit_period of'),
-        ('false_ids_per_hour', (0, -1, np.nan), 'false_ids_per_hour of'),
+        ('false_ids_per_hour', (0, -1, np.inf, np.nan), 'false_ids_per_hour of'),
         ('max_packets', (0, 9, -1), r'max_packets of \S+: it must be 1 to 8'),
         ('registered_ids', ([0, 4095], []), 'registered_ids holds 0|must be an integer'),
         ('registered_ids', ([ID, -1], [ID, 4096]), r'marker ID (-1|4096) is outside'),

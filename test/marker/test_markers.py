@@ -69,8 +69,8 @@ FIELDS = [
     ('markers', 'complaint'),
     [
         *(
-            ({5: {}, one: {}}, f': {one!r} is not an ID; numbers of 1 to 4094 are')
-            for one in (0, 4095, -1, True, 'a', 5.5, None)
+            ({7: {}, one: {}}, f': {one!r} is not an ID; numbers of 1 to 4094 are')
+            for one in (0, 4095, -1, True, 'a', 5.0, None)
         ),
         (None, ': needs a mapping of IDs to markers, not None'),
         *(({5: one}, f'.5: needs keys with values, not {one!r}') for one in (None, 'mug', ['f'])),
