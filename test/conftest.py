@@ -9,6 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# A law is tried on the same examples each time, however long each takes on a busy machine.
+settings.register_profile('laws', deadline=None, derandomize=True)
+settings.load_profile('laws')
 
 # Of small matrices many threads only make more work; to be said before numpy is imported.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from hypothesis import settings
 from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
@@ -71,8 +70,6 @@ SENSOR_TIME_US = 0x0123456789AB
 ZONES = [(1000 * n - 4000, 2048 * n + 1024, 256 * n, 5 + n) for n in range(16)]
 ZONES[6] = (0, 0, 2**24, 255)
 ZONES[7] = (-32768, 2**24, 0, 0)
-
-law = settings(derandomize=True, deadline=None, max_examples=60)
 
 
 def content_of(

@@ -59,7 +59,7 @@ def any_frames(side: int) -> st.SearchStrategy[list[Frame]]:
 
 
 @both_storages
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15)
 @given(
     frames=st.sampled_from([4, 8]).flatmap(any_frames),
     frame_id=st.text(st.characters(codec='ascii'), max_size=9),

@@ -41,7 +41,7 @@ class Reading(NamedTuple):
     evidence: float
 
 
-few = settings(max_examples=5, deadline=None, derandomize=True)
+few = settings(max_examples=5)
 
 
 class Case(NamedTuple):

@@ -22,7 +22,6 @@ Output = pytest.CaptureFixture[str]
 
 FOUND = {2: 4094, 6: 1708, 8: 314, 10: 15, 12: 4, 14: 1}
 
-law = settings(derandomize=True, deadline=None, max_examples=30)
 sets = st.lists(st.integers(0, IDS - 1), min_size=1, max_size=6, unique=True)
 PACKETS = [''.join(map(str, bits)) for bits in packet(np.arange(IDS)).tolist()]
 
@@ -41,7 +40,7 @@ def counted(first: int, second: int) -> list[tuple[int, int]]:
     ]
 
 
-@law
+@settings(max_examples=30)
 @given(chosen=sets, limit=st.integers(1, 31), data=st.data())
 def test_distances_and_pairs_counted(chosen: list[int], limit: int, data: st.DataObject) -> None:
     every = [[ConfusablePair(a, b, *min(counted(a, b))) for b in chosen] for a in chosen]

@@ -242,16 +242,11 @@ CONTENTS = st.recursive(
 )
 
 
-law = settings(max_examples=60, deadline=None, derandomize=True)
-
-
-@law
 @given(st.dictionaries(NAMES, CONTENTS, max_size=4) | CONTENTS)
 def test_whatever_is_no_scene_is_a_scene_error(content: Any) -> None:
     assert outcome(content)
 
 
-@law
 @given(st.data())
 def test_a_damaged_scene_is_refused_by_the_name_of_its_key(data: st.DataObject) -> None:
     path = data.draw(st.sampled_from([*KEYS, *LEAVES]))
@@ -260,7 +255,7 @@ def test_a_damaged_scene_is_refused_by_the_name_of_its_key(data: st.DataObject) 
         assert result.startswith((dotted(path), 'surfaces[0].zones', dotted(path[:-1])))
 
 
-@settings(law, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(suppress_health_check=[HealthCheck.filter_too_much])
 @given(st.data())
 def test_an_accepted_scene_gives_frames_for_the_wire(data: st.DataObject) -> None:
     content = copy.deepcopy(FULL)

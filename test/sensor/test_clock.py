@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness_frames import law
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -314,7 +313,6 @@ def outcome(pairs: Pairs, min_delay_s: float = 0.0) -> tuple[list[int], list[int
     return list(stamps_ns), list(restarts), list(rates)
 
 
-@law
 @given(steps, st.integers(-(2**47), 2**62), st.integers(-START_NS, 2**62), st.integers(0, 1000))
 def test_all_count_from_anywhere(moves: Pairs, shift_us: int, shift_ns: int, delay_ms: int) -> None:
     pairs = pairs_of(moves)
@@ -327,7 +325,6 @@ def test_all_count_from_anywhere(moves: Pairs, shift_us: int, shift_ns: int, del
         assert shifted == ([stamp + later_ns for stamp in stamps_ns], *rest)
 
 
-@law
 @given(steps)
 def test_stamps_rise_and_stay_before_arrivals_whatever_comes(moves: Pairs) -> None:
     pairs = pairs_of(moves)

@@ -14,14 +14,13 @@ from harness_frames import (
     SENSOR_TIME_US,
     ZONES,
     content_of,
-    law,
     make_frame,
     make_packets,
     read,
     reader_in_step,
     sequences,
 )
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from retrolidar_ros.scene.emulator import EmulatedFirmware
@@ -74,7 +73,6 @@ def joined(*pieces: bytes) -> st.SearchStrategy[bytes]:
     return st.lists(st.sampled_from(pieces), max_size=8).map(b''.join)
 
 
-@law
 @given(st.binary(max_size=100))
 @example(b'123456789')
 def test_crc_is_the_bitwise_one(data: bytes) -> None:
@@ -82,7 +80,6 @@ def test_crc_is_the_bitwise_one(data: bytes) -> None:
     assert bitwise_crc(b'123456789') == 0x29B1  # as published
 
 
-@law
 @given(st.binary(max_size=600) | joined(b'\0', b'\1', b'\xff', b'x' * 253, b'y' * 254))
 def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> None:
     encoded = cobs_encode(data)
@@ -91,7 +88,6 @@ def test_cobs_equals_the_reference_on_any_data(pypi_cobs: Any, data: bytes) -> N
     assert cobs_decode(encoded) == data
 
 
-@law
 @given(st.binary(max_size=8) | joined(b'\0', b'\1', b'\2', b'\3', b'\xff', b'z' * 253, b'z' * 254))
 @example(b'\1')
 @example(b'\3a\0')
@@ -203,7 +199,6 @@ def garbage() -> st.SearchStrategy[bytes]:
     return st.lists(piece, max_size=10).map(b''.join)
 
 
-@settings(law, max_examples=120)
 @given(stream=garbage(), data=st.data())
 def test_what_is_whole_is_read_and_all_is_counted(stream: bytes, data: st.DataObject) -> None:
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=20).map(sorted))

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from retrolidar_ros.tasks.heartbeat import WINDOW_S, Heartbeat
@@ -102,7 +102,6 @@ def test_what_is_no_number_is_no_sighting() -> None:
     assert 'mug' in board.missing(0)
 
 
-law = settings(deadline=None)
 # Halves and quarters of seconds add up exactly.
 quarters = st.integers(0, 400).map(lambda count: count / 4)
 # So long that no jump is taken for a clock that was set.
@@ -158,7 +157,6 @@ def test_a_clock_that_is_set_back_hides_no_silence() -> None:
     assert heart.beats == 2
 
 
-@law
 @given(beats, windows, quarters)
 def test_windows_and_silences_are_counted_as_by_hand(
     times: list[float], window_s: float, later_s: float
@@ -176,7 +174,6 @@ def test_windows_and_silences_are_counted_as_by_hand(
     assert heart.longest_silence_s(end_s) == max(gaps)
 
 
-@law
 @given(beats, windows, st.floats(0.01, 1000), st.booleans())
 def test_time_goes_back(times: list[float], window_s: float, back_s: float, is_beat: bool) -> None:
     heart = beaten(times, window_s)
