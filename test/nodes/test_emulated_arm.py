@@ -79,7 +79,7 @@ def test_an_arm_that_is_there_already_is_used(tmp_path: Path) -> None:
 def test_objects_are_known_better_after_a_second_place(tmp_path: Path) -> None:
     scene = load_yaml(find_scene('arm'))
     here, _, _, _, _, _, there, *_ = scene['sensor']['path']
-    times = (0, 4, 5, 9)
+    times = (0, 6, 7, 11)
     scene['sensor']['path'] = [
         {**place, 'time': f'{time_s} s'}
         for place, time_s in zip((here, here, there, there), times, strict=True)
