@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `detector` node: from `frames` to `markers`, TF and visualization topics."""
 
-import re
 import time
 from threading import Lock
 from typing import Any
@@ -17,7 +16,7 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
 from retrolidar_ros.nodes.detector_topics import NAME, DetectorTopics
-from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health, ProblemLog
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.transforms import TransformSender
@@ -53,7 +52,7 @@ class DetectorNode(Node):
         self._topics = DetectorTopics(self, settings.known, self._values, self._sender)
         self._frame_id = ''
         self._number: int | None = None
-        self._warned: set[str] = set()
+        self._log = ProblemLog(self)
         self._lock = Lock()  # frames and parameters may come in different threads
         parameters.follow(self._change)
         self.get_logger().info(f'reading markers by method {self._values["method"]}')
@@ -143,9 +142,6 @@ class DetectorNode(Node):
         if shared := self._sender.problem(self._frame_id):
             health.problems.append((WARN, shared))
         for _, text in health.problems:
-            # Each kind of problem once; /diagnostics repeats them.
-            kind = re.sub(r'[\d.]+', '', text)
-            if not text.startswith(NO_FRAME) and kind not in self._warned:
-                self._warned.add(kind)
-                self.get_logger().warning(text)
+            if not text.startswith(NO_FRAME):
+                self._log.warn(text)
         return health

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state of a node on `/diagnostics`, once a second."""
 
+import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -27,6 +28,21 @@ class Health(NamedTuple):
 
 
 HealthCheck = Callable[[], Health]  # judges the time since its last call
+
+
+class ProblemLog:
+    """Logs each kind of problem once, as /diagnostics repeats them."""
+
+    def __init__(self, node: Node) -> None:
+        self._logger = node.get_logger()
+        self._kinds: set[str] = set()
+
+    def warn(self, problem: str) -> None:
+        """Log a problem, unless it was logged before with other numbers."""
+        kind = re.sub(r'[\d.]+', '', problem)
+        if kind not in self._kinds:
+            self._kinds.add(kind)
+            self._logger.warning(problem)
 
 
 class DiagnosticsPublisher:

@@ -24,8 +24,8 @@ from retrolidar_ros.nodes.conversion import (
     to_point_cloud,
     to_signal_image,
 )
-from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
-from retrolidar_ros.nodes.driver_health import NO_CLOCK, DetectorWatch, DriverTally
+from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health, ProblemLog
+from retrolidar_ros.nodes.driver_health import DetectorWatch, DriverTally
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import FRAME_QOS, STREAM, publisher
 from retrolidar_ros.sensor.clock import ClockMap
@@ -41,6 +41,7 @@ _DONE = {
     Command.STOP: 'the sensor is stopped',
     Command.RESET: 'the sensor restarts',
 }
+_GRACE = 3  # examinations, one a second, until a problem is logged: a sensor takes time to start
 _COUNT_PERIOD_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
 
 
@@ -103,6 +104,7 @@ class DriverNode(LifecycleNode):
         parameters.follow(self._change)
         self._clock_map = ClockMap(self._values['transport_delay'])
         self._tally = DriverTally()
+        self._log, self._troubled = ProblemLog(self), 0
         for command in _DONE:
             self.create_service(Trigger, f'~/{command.value}', partial(self._serve, command))
         self._watch = None if on_frame else DetectorWatch(self)
@@ -207,7 +209,6 @@ class DriverNode(LifecycleNode):
     def _publish(self, frames: list[Frame], arrival_ns: int) -> None:
         if not arrival_ns:
             self._tally.count_untimed(len(frames))
-            self.get_logger().warning(NO_CLOCK, throttle_duration_sec=5.0)
             return
         arrived_ns = time.perf_counter_ns()
         for frame in frames:
@@ -225,6 +226,16 @@ class DriverNode(LifecycleNode):
                 self._on_frame(stamped, self._frame_id)
 
     def _examine(self) -> Health:
+        health = self._judge()
+        # Why the port cannot be opened is logged where it is tried.
+        is_open = self._source is not None and self._source.is_open
+        self._troubled = self._troubled + 1 if is_open and health.problems else 0
+        if self._troubled >= _GRACE:
+            for _, text in health.problems:
+                self._log.warn(text)
+        return health
+
+    def _judge(self) -> Health:
         source = self._source
         if self._is_finalized:
             return Health([(WARN, 'finalized: the node was shut down; start it again')], {})

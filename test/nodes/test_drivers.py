@@ -20,7 +20,7 @@ from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.scene.emulator import VERSION
+from retrolidar_ros.scene.emulator import VERSION, PortLink
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.resources import shared_file
 
@@ -104,6 +104,18 @@ def test_old_firmware_is_read_and_says_that_it_knows_no_commands(system: System)
         assert not success
         assert message.startswith('no answer to stop: flash a firmware')
         wait_for_more(system)
+
+
+def test_the_log_says_once_why_an_open_port_gives_no_frames(system: System) -> None:
+    with PortLink(system.port) as port:
+        system.start('driver', serial_port=system.port)
+        system.wait(lambda: 'nothing comes: is the sensor' in system.log('driver'), 'a warning')
+        noise = system.node.create_timer(0.05, lambda: port.write(b'noise\0'))
+        system.wait(lambda: 'another baud rate or protocol?' in system.log('driver'), 'another')
+        for _ in range(2):
+            system.next_status(STATUS)
+        system.node.destroy_timer(noise)
+        assert system.log('driver').count('[WARN]') == 2  # /diagnostics repeats them
 
 
 def test_each_state_of_the_life_cycle(system: System) -> None:
