@@ -44,12 +44,13 @@ class ClockMap:
     def map(self, sensor_time_us: int, arrival_ns: int) -> int:
         """Return the host time [ns] of the middle of an exposure, by the clocks of sensor and host.
 
-        The frame has arrived at `arrival_ns`. Stamps never go back unless the map starts again.
+        The frame has arrived at `arrival_ns`. Stamps never go back unless arrivals do.
         """
         sensor_ns = self._unwrapped(sensor_time_us * 1000, arrival_ns)
         if self._hull and self._is_restart(sensor_ns, arrival_ns):
             self._hull.clear()
-            self._last_stamp_ns = None
+            if arrival_ns < self._last_pair[1]:
+                self._last_stamp_ns = None
             self.restarts += 1
         if not self._hull:
             self._punctual_ns = sensor_ns
