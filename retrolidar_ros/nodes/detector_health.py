@@ -113,10 +113,12 @@ class DetectorHealth:
     def _disturbances(self, new: dict[str, int], publishers: list[str]) -> list[tuple[bytes, str]]:
         problems = []
         names = ('frames of another sensor', 'frames out of order', 'repeated frames')
-        if sum(new[name] for name in names) >= _MIXED:
+        mixed = {name: new[name] for name in names if new[name]}
+        if sum(mixed.values()) >= _MIXED:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
-            text = f'frames of several sensors come mixed{by}: one detector reads one sensor'
-            problems.append((ERROR, text))
+            counts = ', '.join(f'{count} {name}' for name, count in mixed.items())
+            text = f'frames of several sensors come mixed{by}: {counts}'
+            problems.append((ERROR, f'{text}; one detector reads one sensor'))
         elif lost := new['lost frames']:
             text = (
                 f'{lost} frames were lost between driver and detector, {self.monitor.lost} in all'

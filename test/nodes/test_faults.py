@@ -3,6 +3,7 @@
 """What driver and detector report, what goes wrong on robots, and that nothing else is lost."""
 
 import os
+import re
 import signal
 import time
 from collections.abc import Iterator
@@ -182,6 +183,7 @@ def test_two_senders_of_one_frame_id_are_an_error_that_names_them(chain: Chain) 
     try:
         status = system.wait_for_status(DETECTOR, ERROR, 'come mixed by')
         assert '/faults/driver, /faults/listener' in status.message
+        assert re.search(r': \d+ frames out of order', status.message)
     finally:
         system.node.destroy_timer(timer)
         system.node.destroy_publisher(publisher)
