@@ -14,7 +14,7 @@ from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
-from retrolidar_ros.settings.parameter import declared, file_values
+from retrolidar_ros.settings.parameter import declared, only_values
 from retrolidar_ros.settings.section import suggestion
 
 READING = (
@@ -32,8 +32,8 @@ def defaults() -> dict[str, Any]:
 
 
 def load_parameters(path: Path) -> dict[str, Any]:
-    """Return what a parameter file says of detectors; OSError or ValueError if it is wrong."""
-    found = file_values(path, 'detector')
+    """Return what a parameter file says of the detector; OSError or ValueError if it is wrong."""
+    found = only_values(path, 'detector')
     known = declared()['detector']
     for name, value in found.items():
         if name not in known:

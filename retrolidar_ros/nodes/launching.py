@@ -8,6 +8,7 @@ checked before the first one starts.
 
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,13 @@ from launch.events import matches_action
 from launch.events.process import ProcessExited, ShutdownProcess
 from launch.launch_context import LaunchContext
 from launch.launch_description_entity import LaunchDescriptionEntity
+from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from retrolidar_ros.detector.parameters import known_markers
-from retrolidar_ros.settings.parameter import declared, file_values
+from retrolidar_ros.settings.parameter import declared, file_sections, file_values, misspelled
 
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
@@ -142,9 +144,18 @@ def list_argument(context: LaunchContext, name: str) -> list[Any]:
 def _file_values(context: LaunchContext, kind: str) -> dict[str, Any]:
     """Return what the parameter file says of a node; RuntimeError if it is none."""
     try:
-        return file_values(Path(value(context, 'params_file')), kind)
+        path = Path(value(context, 'params_file'))
+        _warn_of_misspelled(path)
+        return file_values(path, kind, f'/{_joined(full_namespace(context), kind)}')
     except (OSError, ValueError) as error:
         raise RuntimeError(f'params_file:={error}') from error
+
+
+@cache
+def _warn_of_misspelled(path: Path) -> None:
+    """Warn once of each section of a parameter file that is nearly for a node of the package."""
+    for hint in misspelled(file_sections(path)):
+        get_logger('retrolidar_ros').warning(f'params_file:={path}: {hint}')
 
 
 def parameter(context: LaunchContext, kind: str, name: str) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +18,8 @@ from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.yaml_files import load_yaml
 
 _OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
+_WILDCARDS = {'*': r'/\w+', '**': r'(/\w+)*'}
+_ALIKE = 0.85  # names, by difflib
 _COMMENTED = re.compile(r'((?:^    # .*\n)+)    (\w+):', re.M)
 _COMMENT = re.compile(r'(.+?)(?: Range: (\S+) to (\S+)\.)?(?: One of: (.+?)\.)?( Live\.)?')
 
@@ -104,27 +107,77 @@ def declared() -> dict[str, dict[str, Parameter]]:
     return nodes
 
 
-def file_values(path: Path, kind: str) -> dict[str, Any]:
-    """Return what a parameter file says of nodes of a kind; OSError or ValueError if it is none.
+def file_sections(path: Path) -> dict[str, Mapping[Any, Any]]:
+    """Return the sections of a parameter file by their names; OSError or ValueError if it is none.
 
-    Left out are ROS's own parameters, and what is said of all nodes (`/**`) but not known here.
+    A name is that of a node with its namespaces, of which * stands for one, and ** for any number.
     """
     content = load_yaml(path)
     sections = content.values() if isinstance(content, Mapping) else ()
     if not any(isinstance(one, Mapping) and 'ros__parameters' in one for one in sections):
         raise ValueError(f'{path}: is no parameter file: it has no ros__parameters')
-    found: dict[str, Any] = {}
-    for node, section in content.items():
-        name = str(node).rpartition('/')[2]
+    found: dict[str, Mapping[Any, Any]] = {}
+    for name, section in content.items():
         if not isinstance(section, Mapping) or 'ros__parameters' not in section:
-            raise ValueError(f'{path}: {node} has no ros__parameters; add them, or take it out')
-        if name not in (kind, '**'):
-            continue
+            raise ValueError(f'{path}: {name} has no ros__parameters; add them, or take it out')
         values = section['ros__parameters'] or {}
         if not isinstance(values, Mapping):
-            raise ValueError(f'{path}: {node}: ros__parameters are no names with values')
+            raise ValueError(f'{path}: {name}: ros__parameters are no names with values')
+        found[str(name)] = values
+    return found
+
+
+def misspelled(sections: Iterable[str]) -> list[str]:
+    """Return one sentence for each section whose name is nearly that of a node of the package."""
+    found = []
+    for section in sections:
+        name = _last(section)
+        near = get_close_matches(name, declared(), n=1, cutoff=_ALIKE)
+        if near and name not in near:
+            found.append(f'{section} is none of these nodes; did you mean {near[0]}?')
+    return found
+
+
+def file_values(path: Path, kind: str, node: str) -> dict[str, Any]:
+    """Return what a parameter file says of a node of a kind, by its full name; errors as above.
+
+    Left out are ROS's own parameters, and what is said of other nodes, too, but not known here.
+    """
+    sections = file_sections(path)
+    return _values({name: sections[name] for name in sections if _is_of(name, node)}, kind)
+
+
+def only_values(path: Path, kind: str) -> dict[str, Any]:
+    """Return likewise what a file says of the only node of a kind; ValueError if there is none."""
+    sections = file_sections(path)
+    own = {name: sections[name] for name in sections if _last(name) in (kind, *_WILDCARDS)}
+    if not any(_last(name) == kind for name in own) and (hints := misspelled(sections)):
+        raise ValueError(f'{path}: {hints[0]}')
+    if not own:
+        raise ValueError(f'{path}: no section is for a {kind}; call it /**/{kind}')
+    of_some = [name for name in own if name not in ('/**', f'/**/{kind}')]
+    if len(of_some) > 1:
+        raise ValueError(f'{path}: {", ".join(of_some)} are of several nodes; leave one of them')
+    return _values(own, kind)
+
+
+def _last(section: str) -> str:
+    return section.rpartition('/')[2]
+
+
+def _is_of(section: str, node: str) -> bool:
+    """Return whether the name of a section is of a node, as ROS has it."""
+    parts = section.removeprefix('/').split('/')
+    pattern = ''.join(_WILDCARDS.get(one, f'/{re.escape(one)}') for one in parts)
+    return bool(re.fullmatch(pattern, node))
+
+
+def _values(sections: Mapping[str, Mapping[Any, Any]], kind: str) -> dict[str, Any]:
+    """Return what sections say of a node of a kind; of two, the later one is right."""
+    found: dict[str, Any] = {}
+    for name, values in sections.items():
         for key, value in values.items():
-            is_own = name == kind and str(key).partition('.')[0] not in _OF_ROS
+            is_own = _last(name) == kind and str(key).partition('.')[0] not in _OF_ROS
             if is_own or key in declared()[kind]:
                 found[str(key)] = value
     return found

@@ -126,6 +126,15 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
         ('{markers: {id: 1}}', 'is no parameter file'),
         ('/**/detector: {ros__parameters: [1]}', 'ros__parameters are no names with values'),
         ('/**/detector: {ros__parameters: {1: 2}}', '1: no such parameter'),
+        ('/**/driver: {ros__parameters: {}}', 'no section is for a detector; call it /**/detector'),
+        (
+            '/**/detecter: {ros__parameters: {}}',
+            '/**/detecter is none of these nodes; did you mean detector',
+        ),
+        (
+            '{/a/detector: {ros__parameters: {}}, /b/detector: {ros__parameters: {}}}',
+            '/a/detector, /b/detector are of several nodes; leave one of them',
+        ),
     ],
 )
 def test_bad_parameters_are_named(text: str, message: str, tmp_path: Path, capsys: Output) -> None:
@@ -139,6 +148,7 @@ def test_what_nodes_accept_the_command_accepts(tmp_path: Path) -> None:
     """ROS's own parameters, and what `/**` says of other nodes."""
     qos = 'qos_overrides./retrolidar/frames.subscription: {depth: 9}'
     shared = f'/**: {{ros__parameters: {{use_sim_time: true, {qos}, serial_port: x}}}}\n'
+    one = '/left/detector: {ros__parameters: {max_packets: 3}}\n'
     own = f'/**/detector: {{ros__parameters: {{use_sim_time: true, {qos}, bit_period: 0.05}}}}\n'
-    (tmp_path / 'p.yaml').write_text(shared + own)
-    assert load_parameters(tmp_path / 'p.yaml') == {'bit_period': 0.05}
+    (tmp_path / 'p.yaml').write_text(shared + own + one)
+    assert load_parameters(tmp_path / 'p.yaml') == {'bit_period': 0.05, 'max_packets': 3}

@@ -34,6 +34,12 @@ from retrolidar_ros.settings.resources import shared_file
 NAMESPACE = f'wrongly_launched_{os.getpid()}_'
 EMPTY = Path(tempfile.mkdtemp(), 'empty_section.yaml')
 EMPTY.write_text('/**:\n  ros__parameters: {}\n/**/driver:\n')
+SECTIONS = EMPTY.with_name('sections.yaml')
+SECTIONS.write_text(
+    '/shown/driver:\n  ros__parameters: {frame_id: own}\n'
+    '/elsewhere/driver:\n  ros__parameters: {frame_id: other}\n'
+    '/**/detecter:\n  ros__parameters: {}\n'
+)
 _AT_ONCE = 3
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
@@ -110,7 +116,12 @@ class TestArguments(unittest.TestCase):
 
     def test_a_misconfigured_node_is_not_started_again(self):
         """The others go on, until the launch is interrupted."""
-        arguments = ['child_frame:=nameless', 'emulate:=coffee', 'respawn_delay:=0.0']
+        arguments = [
+            f'params_file:={SECTIONS}',
+            'child_frame:=nameless',
+            'emulate:=coffee',
+            'respawn_delay:=0.0',
+        ]
         command = [sys.executable, '-c', SCRIPT, 'retrolidar', f'namespace:={NAMESPACE}']
         launch = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True)
         self.addCleanup(launch.send_signal, signal.SIGINT)
@@ -123,6 +134,7 @@ class TestArguments(unittest.TestCase):
         observer.wait_for_frames(150)
         launch.send_signal(signal.SIGINT)
         output = ''.join([*lines, launch.communicate(timeout=60)[0]])
+        assert output.count('/**/detecter is none of these nodes; did you mean detector?') == 1
         assert output.count('FATAL') == output.count(told) == 1, output
         assert not [line for _, line in processes() if f'__ns:=/{NAMESPACE}' in line]
 
@@ -132,6 +144,7 @@ class TestArguments(unittest.TestCase):
         arm = {*of_sensor, 'robot_description'}
         for name, arguments, topics, frame in (
             ('retrolidar', {'frame_id': 'gripper'}, of_sensor, 'gripper'),
+            ('retrolidar', {'params_file': str(SECTIONS)}, of_sensor, 'own'),
             ('coffee', {'emulate': 'arm'}, arm, 'base_link'),
             ('landmarks', {}, {*arm, 'landmarks/marker_array'}, 'base_link'),
             ('two_sensors', {}, both, 'left_optical_frame'),

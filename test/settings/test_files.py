@@ -20,7 +20,7 @@ from retrolidar_ros.scene.files import find_scene, load_scene
 from retrolidar_ros.sensor.model import NoiseLaw
 from retrolidar_ros.sensor.serial_source import PROTOCOLS
 from retrolidar_ros.settings import resources
-from retrolidar_ros.settings.parameter import declared
+from retrolidar_ros.settings.parameter import declared, file_values, misspelled
 from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 from retrolidar_ros.settings.yaml_files import load_yaml
@@ -237,3 +237,32 @@ def test_a_whole_number_may_be_a_float_and_texts_are_not_empty() -> None:
     assert (checked, type(checked)) == (1.0, float)
     with pytest.raises(ValueError, match="topics: '' is not a text"):
         declared()['landmarks']['topics'].check('topics', ['a', ''])
+
+
+@pytest.mark.parametrize(
+    ('section', 'nodes'),
+    [
+        ('/**', {'/detector', '/left/detector', '/hall/left/detector', '/left/driver'}),
+        ('/**/detector', {'/detector', '/left/detector', '/hall/left/detector'}),
+        ('/*/detector', {'/left/detector'}),
+        ('/left/*', {'/left/detector', '/left/driver'}),
+        ('/hall/**', {'/hall/left/detector'}),
+        ('/left/detector', {'/left/detector'}),
+        ('detector', {'/detector'}),
+    ],
+)
+def test_a_section_is_of_the_nodes_of_its_name(
+    section: str, nodes: set[str], tmp_path: Path
+) -> None:
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(f"'{section}': {{ros__parameters: {{frame_prefix: a/}}}}")
+    names = ('/detector', '/left/detector', '/hall/left/detector', '/left/driver')
+    found = {name for name in names if file_values(path, name.rpartition('/')[2], name)}
+    assert found == nodes
+
+
+def test_only_what_is_nearly_a_node_is_called_misspelled() -> None:
+    others = ('/**', '/**/detector', '/leader', '/apriltag_detector', '/**/lifecycle_manager')
+    assert misspelled(others) == []
+    (hint,) = misspelled(['/**/landmark', *others])
+    assert hint == '/**/landmark is none of these nodes; did you mean landmarks?'
