@@ -3,7 +3,8 @@
 """Topics: their names, and qualities that parameters `qos_overrides.TOPIC.…` may change."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.node import Node
@@ -26,9 +27,21 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _OVERRIDABLE = QoSOverridingOptions.with_default_policies()
 
 
+@contextmanager
+def _override(topic: str) -> Iterator[None]:
+    """Raise ValueError for an override that names no quality of service."""
+    try:
+        yield
+    except RuntimeError as error:
+        if type(error) is not RuntimeError:  # such as that the node is shut down
+            raise
+        raise ValueError(f'qos_overrides of {topic}: {error}') from error
+
+
 def publisher(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
     """Return a publisher; parameters may set its history, depth and reliability."""
-    return node.create_publisher(kind, topic, qos, qos_overriding_options=_OVERRIDABLE)
+    with _override(topic):
+        return node.create_publisher(kind, topic, qos, qos_overriding_options=_OVERRIDABLE)
 
 
 def latched(node: Node, kind: type[Any], topic: str) -> Publisher:
@@ -45,7 +58,10 @@ def subscribe(
     node: Node, kind: type[Any], topic: str, callback: Callable[..., None], qos: QoSProfile
 ) -> str:
     """Subscribe likewise; return the topic's full name. A callback may take rclpy's info, too."""
-    made = node.create_subscription(kind, topic, callback, qos, qos_overriding_options=_OVERRIDABLE)
+    with _override(topic):
+        made = node.create_subscription(
+            kind, topic, callback, qos, qos_overriding_options=_OVERRIDABLE
+        )
     return str(made.topic_name)
 
 

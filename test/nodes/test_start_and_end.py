@@ -85,6 +85,11 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('coffee', '-p min_height:=2.0 -p max_height:=1.0', 'min_height is above max_height'),
         ('emulated_arm', '-p scene:=nowhere', 'scene: there is no scene nowhere'),
         ('heartbeat', '-p qos_overrides./markers.subscription.depth:=x', "to 'x' of type"),
+        (
+            'detector',
+            '-p qos_overrides./frames.subscription.reliability:=best_efort',
+            'Unexpected QoS override for policy `reliability`: `best_efort`',
+        ),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
         ('reader', '-p ports:=[/a,/a]', 'ports: /a, /a are not all different'),
