@@ -15,9 +15,9 @@ from retrolidar_ros.detector.parameters import READING, DetectorSettings
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
 from retrolidar_ros.nodes.detector_health import NO_FRAME, DetectorHealth
-from retrolidar_ros.nodes.detector_topics import NAME, DetectorTopics
+from retrolidar_ros.nodes.detector_topics import DetectorTopics
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health, ProblemLog
-from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
+from retrolidar_ros.nodes.parameters import Parameters, child_frame_of
 from retrolidar_ros.nodes.qos import FRAME_QOS, subscribe
 from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
@@ -40,10 +40,7 @@ class DetectorNode(Node):
         super().__init__('detector', **options)
         parameters = Parameters(self, 'detector')
         self._values = parameters.values
-        child_frame = self._values['frame_prefix'] + self._values['child_frame']
-        self._values['child_frame'] = check_frame_id('child_frame', child_frame)
-        if child_frame.count(NAME) != 1:
-            raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
+        self._values['child_frame'] = child_frame_of(self._values)
         settings = DetectorSettings(self._values)
         # The first frame tells the zone grid, but impossible parameters are to fail at the start.
         self._health = DetectorHealth(ZoneGrid())

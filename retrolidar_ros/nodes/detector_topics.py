@@ -25,6 +25,7 @@ from retrolidar_ros.nodes.conversion import (
     to_track_msg,
     to_transform,
 )
+from retrolidar_ros.nodes.parameters import NAME
 from retrolidar_ros.nodes.qos import EVENTS, latched, publisher, topics_of
 from retrolidar_ros.nodes.transforms import TransformSender
 from retrolidar_ros.nodes.visualization import marker_shapes
@@ -34,7 +35,6 @@ try:
     from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 except ImportError:  # not installed: no subscribers
     Detection3DArray = None
-NAME = '{name}'  # what stands for a marker's name in the parameter `child_frame`
 _MAX_POSES = 100
 _BEAT_PERIOD_S = 0.2
 _SHAPE_PERIOD_NS = 60_000_000  # of tracks

@@ -12,6 +12,7 @@ from tf2_ros import TransformBroadcaster
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.nodes.conversion import to_header, to_pose_msg, to_transform
+from retrolidar_ros.nodes.parameters import NAME
 from retrolidar_ros.nodes.qos import LATCHED, latched, publisher, topic_part
 from retrolidar_ros.nodes.transforms import TransformFinder
 from retrolidar_ros.nodes.visualization import landmark_shapes
@@ -24,7 +25,7 @@ class LandmarkTopics:
     def __init__(
         self, node: Node, finder: TransformFinder, fixed_frame: str, child_frame: str, send: bool
     ) -> None:
-        """Make the publishers; `send` transforms to `child_frame`, with a name for its {name}."""
+        """Make the publishers; `send` transforms to `child_frame`, with a name for its NAME."""
         self._finder = finder
         self._node = node
         self._fixed = fixed_frame
@@ -53,7 +54,7 @@ class LandmarkTopics:
             self._broadcaster.sendTransform([to_transform(header, child, message.pose.pose)])
 
     def _frame_of(self, name: str) -> str:
-        return self._child_frame.replace('{name}', name)
+        return self._child_frame.replace(NAME, name)
 
     def check_frames(self) -> None:
         """Stop sending frames to which another node gives another parent."""

@@ -19,7 +19,7 @@ from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
 from retrolidar_ros.nodes.detection_subscriber import TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
 from retrolidar_ros.nodes.landmark_topics import LandmarkTopics
-from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
+from retrolidar_ros.nodes.parameters import Parameters, check_frame_id, child_frame_of
 from retrolidar_ros.nodes.qos import STREAM, publisher, topic_part, topics_of
 from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.sensor.frame import Floats
@@ -84,7 +84,7 @@ class LandmarksNode(Node):
             self,
             self._readings.finder,
             self._fixed,
-            values['frame_prefix'] + values['child_frame'],
+            child_frame_of(values),
             values['publish_tf'],
         )
         for estimate in [] if values['localize'] else self._survey.estimates():

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of nodes: their spec in ROS, and changes while a node runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -17,6 +17,8 @@ from rclpy.parameter import Parameter
 
 from retrolidar_ros.settings.parameter import Parameter as Declared
 from retrolidar_ros.settings.parameter import declared
+
+NAME = '{name}'  # what stands for a name in the parameter `child_frame`
 
 
 class Parameters:
@@ -100,3 +102,11 @@ def check_frame_id(name: str, value: str) -> str:
             f'{name}: {value!r} begins with a slash, which tf2 refuses; write {value.lstrip("/")!r}'
         )
     return value
+
+
+def child_frame_of(values: Mapping[str, Any]) -> str:
+    """Return the TF frames of what a node sends, with prefix and NAME; ValueError as above."""
+    child_frame = check_frame_id('child_frame', values['frame_prefix'] + values['child_frame'])
+    if child_frame.count(NAME) != 1:
+        raise ValueError(f'child_frame: {child_frame!r} needs {NAME} once')
+    return child_frame

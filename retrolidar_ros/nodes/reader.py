@@ -8,10 +8,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from retrolidar_ros.nodes.detector import DetectorNode
-from retrolidar_ros.nodes.detector_topics import NAME
 from retrolidar_ros.nodes.diagnostics import DiagnosticsPublisher
 from retrolidar_ros.nodes.driver import DriverNode
-from retrolidar_ros.nodes.parameters import Parameters
+from retrolidar_ros.nodes.parameters import NAME, Parameters
 from retrolidar_ros.nodes.qos import topic_part
 from retrolidar_ros.nodes.transforms import TransformSender
 

@@ -76,6 +76,7 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('detector', '-p marker_file:={}/no.yaml', 'no.yaml cannot be read: No such file'),
         ('detector', '-p marker_file:={}/alike.yaml', 'would share the topic poses/a_b'),
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
+        ('landmarks', '-p child_frame:=found', "child_frame: 'found' needs {name} once"),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
         ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
         ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
