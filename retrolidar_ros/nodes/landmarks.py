@@ -27,7 +27,7 @@ from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.localization import robot_pose, room_of
 from retrolidar_ros.tasks.reading import Errors, KnownPose, Reading
 from retrolidar_ros.tasks.survey import Backlog, Batch, Survey
-from retrolidar_ros.tasks.survey_files import load_survey, save_survey
+from retrolidar_ros.tasks.survey_files import check_target, load_survey, save_survey
 
 # Every tick, readings are solved for so long: half a core at most. The others wait.
 _TICK_S, _MAX_BUSY_S = 0.02, 0.01
@@ -53,6 +53,11 @@ class LandmarksNode(Node):
             acceleration=values['acceleration'],
         )
         frame, known = self._load(values['load_file'])
+        if values['save_file']:
+            try:
+                check_target(Path(values['save_file']))
+            except ValueError as error:
+                raise ValueError(f'save_file: {error}') from error
         names = sorted({*known, *objects})
         self._owners = {topic: name for name, topic in topics_of('~/objects/', names).items()}
         self._survey = Survey(objects, errors, known)
@@ -167,7 +172,8 @@ class LandmarksNode(Node):
             response.success = True
             self.get_logger().info(response.message)
         except (OSError, ValueError) as error:
-            response.message = f'nothing was saved: {error}'
+            name = 'save_file: ' if isinstance(error, OSError) else ''
+            response.message = f'nothing was saved: {name}{error}'
             self.get_logger().error(response.message)
         return response
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from retrolidar_ros.detector.detection import largest_stddev
+from retrolidar_ros.detector.findings import listed
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import cross_matrix
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
@@ -43,7 +44,13 @@ def room_of(
             places[marker] = pose.position_m + arm_m
             variances[marker] = per_pose @ pose.covariance @ per_pose.T
     if len(places) < 3:
-        raise ValueError(f'{len(places)} markers are at known places; localisation needs three')
+        lacking = 'load_file has none'
+        if known:
+            lacking = f'load_file has {len(known)} landmarks'
+        if unmarked := sorted(known.keys() - objects.keys()):
+            lacking += f', of which {len(unmarked)} are not in marker_file: {listed(unmarked)}'
+        text = f'{len(places)} markers are at known places; localisation needs three'
+        raise ValueError(f'{text}: {lacking}')
     level = None
     if flat:
         spread = np.diag([_FAR_M, _FAR_M, _LEVEL_M, _LEVEL, _LEVEL, _ANY_TURN]) ** 2

@@ -26,6 +26,14 @@ def load_survey(path: Path) -> tuple[str, dict[str, KnownPose]]:
     return load_parsed(path, parse_survey)
 
 
+def check_target(path: Path) -> None:
+    """Raise ValueError if a file cannot be written at a path."""
+    if path.is_dir():
+        raise ValueError(f'{path} is a directory; name a file in it')
+    if not path.parent.is_dir():
+        raise ValueError(f'there is no directory {path.parent}; make it first')
+
+
 def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
     """Write landmarks, whose estimates are in a fixed frame, and return what was done.
 
@@ -36,6 +44,7 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
     """
     if not estimates:
         raise ValueError('nothing is placed, and an empty map is not written; delete it by hand')
+    check_target(path)
     path = path.resolve()  # the target of a link is replaced
     exists = path.exists()
     if exists:
@@ -61,6 +70,8 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
         _flush(fresh)
         fresh.replace(path)
         _flush(path.parent)
+    except OSError as error:
+        raise OSError(f'{path} cannot be written: {error.strerror}') from error
     finally:
         fresh.unlink(missing_ok=True)
     return f'{done}; the file before is {kept}' if exists else done

@@ -11,14 +11,19 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from harness_nodes import running
+from harness_readings import mapped
 
 from retrolidar_ros.cli.demo import executable
+from retrolidar_ros.settings.yaml_files import yaml_text
+from retrolidar_ros.tasks.survey_files import survey_content
 
 FILES = {
     'broken': '/**:\n  ros__parameters:\n    method: [joint',
     'alike': 'markers: {2073: {frame: a.b}, 2096: {frame: a_b}}\n',
+    'room': yaml_text(survey_content('map', [mapped('tray', np.ones(3))])),
     'objects': 'markers: {2073: {object: a.b}, 2096: {object: a-b}}\n',
 }
 
@@ -78,7 +83,10 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ('detector', '-p child_frame:=left', "child_frame: 'left' needs {name} once"),
         ('landmarks', '-p child_frame:=found', "child_frame: 'found' needs {name} once"),
         ('landmarks', "-p fixed_frame:=''", 'fixed_frame is empty; TF needs a name'),
-        ('landmarks', '-p localize:=true', '0 markers are at known places; localisation needs'),
+        ('landmarks', '-p save_file:={}', 'is a directory; name a file in it'),
+        ('landmarks', '-p save_file:={}/no/map.yaml', '/no; make it first'),
+        ('landmarks', '-p localize:=true', 'localisation needs three: load_file has none'),
+        ('landmarks', '-p localize:=true -p load_file:={}/room.yaml', 'not in marker_file: tray'),
         ('landmarks', '-p marker_file:={}/objects.yaml', 'a-b and a.b would share the topic'),
         ('landmarks', '-p load_file:=/dev/null', 'load_file: /dev/null: the file: needs keys'),
         ('coffee', '-p objects:=[a.b,a_b]', 'a.b and a_b would share the topic ~/objects/a_b'),
