@@ -11,6 +11,7 @@ import time
 from launch.actions import ExecuteProcess, OpaqueFunction, Shutdown
 
 from retrolidar_ros.nodes.launching import (
+    EMULATED,
     SENSOR,
     full_namespace,
     is_on,
@@ -22,7 +23,6 @@ from retrolidar_ros.nodes.launching import (
     value,
 )
 from retrolidar_ros.nodes.viewing import viewer
-from retrolidar_ros.scene.files import load_scene
 
 # Launch arguments that go before what the parameter file says.
 _OVERRIDES = {
@@ -49,10 +49,9 @@ def _nodes(context):
     parameters = overrides_from(context, *(name for names in _OVERRIDES.values() for name in names))
     actions = viewer(context, parameter(context, 'driver', 'frame_id'))
     if scene := value(context, 'emulate'):
-        load_scene(scene)  # says what is wrong with it before anything is started
         # The driver opens the emulator's port as it would open that of a sensor with our protocol.
         port = parameters.setdefault('serial_port', _link(context))
-        parameters['protocol'] = 'retrolidar'
+        parameters['protocol'] = EMULATED
         emulator = [sys.executable, '-m', 'retrolidar_ros.cli', 'emulate', scene]
         if base := value(context, 'emulate_base'):
             start_s = time.monotonic() + _START_S

@@ -6,9 +6,14 @@ Each has its own namespace, port and frame. A marker that both see has a TF fram
 as left_mug and right_mug, since TF allows one parent per frame.
 """
 
-from retrolidar_ros.nodes.launching import COMMON, launch_description, one_of_several, value
+from retrolidar_ros.nodes.launching import (
+    COMMON,
+    check_scene,
+    launch_description,
+    one_of_several,
+    value,
+)
 from retrolidar_ros.nodes.viewing import viewer
-from retrolidar_ros.scene.files import load_scene
 
 _SIDES = ('left', 'right')
 
@@ -17,7 +22,7 @@ def _sensors(context):
     """Return driver and detector of each side, now that the arguments have values."""
     for side in _SIDES:  # once one runs, what is wrong with the other would leave it behind
         if scene := value(context, f'{side}_emulate'):
-            load_scene(scene)
+            check_scene(context, scene)
     rviz = viewer(context, value(context, f'{_SIDES[0]}_frame'), sensors=_SIDES)
     return rviz + [
         one_of_several(

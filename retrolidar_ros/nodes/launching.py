@@ -32,6 +32,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from retrolidar_ros.detector.parameters import known_markers
+from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.settings.parameter import declared, file_sections, file_values, misspelled
 
 SHARE = FindPackageShare('retrolidar_ros')
@@ -75,6 +76,8 @@ SENSOR: dict[str, tuple[Any, str]] = {
     ),
 }
 """Those of every launch file for one sensor."""
+EMULATED = 'retrolidar'
+"""Protocol of emulated sensors."""
 _MIN_DELAY_S = 0.1
 _MISCONFIGURED = 2  # exit code of a node with wrong parameters or files; a restart would not help
 _LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
@@ -91,8 +94,10 @@ def launch_description(
     ]
 
     def checked(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        # ValueError if the file cannot be used.
+        # ValueError if a file cannot be used.
         known_markers({'marker_file': parameter(context, 'detector', 'marker_file')})
+        if 'emulate' in arguments and (scene := value(context, 'emulate')):
+            check_scene(context, scene)
         return start(context)
 
     return LaunchDescription([*declared_arguments, OpaqueFunction(function=checked)])
@@ -130,7 +135,7 @@ def number(context: LaunchContext, name: str) -> float:
 
 
 def list_argument(context: LaunchContext, name: str) -> list[Any]:
-    """Return a launch argument as a list; RuntimeError if it is none."""
+    """Return a launch argument as a list; RuntimeError if it is none, or has booleans."""
     text = value(context, name)
     try:
         items = yaml.safe_load(text)
@@ -138,6 +143,10 @@ def list_argument(context: LaunchContext, name: str) -> list[Any]:
         items = None
     if not isinstance(items, list):
         raise RuntimeError(f'{name}:={text}: it needs a list, as [a, b]')
+    for item in items:
+        # A parameter file takes y and n for booleans, which the YAML of Python does not.
+        if isinstance(item, bool) or str(item).lower() in ('y', 'n'):
+            raise RuntimeError(f'{name}:={text}: {item} is true or false in YAML; use longer names')
     return items
 
 
@@ -201,6 +210,13 @@ def _on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescrip
         LogInfo(msg=f'{event.process_name} is misconfigured, see above: it is not started again'),
         EmitEvent(event=ShutdownProcess(process_matcher=matches_action(event.action))),
     ]
+
+
+def check_scene(context: LaunchContext, scene: str) -> None:
+    """Raise RuntimeError or ConfigError if a scene cannot be emulated."""
+    load_scene(scene)
+    if (protocol := value(context, 'protocol')) not in ('', EMULATED):
+        raise RuntimeError(f'protocol:={protocol}: an emulated sensor speaks {EMULATED}')
 
 
 def sensor(**arguments: Any) -> IncludeLaunchDescription:

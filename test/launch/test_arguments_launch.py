@@ -44,10 +44,10 @@ _AT_ONCE = 3
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
     'landmarks': ['localize:=perhaps', 'params_file:=/etc/passwd', 'params_file:=/nowhere'],
-    'retrolidar': ['marker_file:=/nowhere.yaml', f'params_file:={EMPTY}'],
-    'two_sensors': ['right_emulate:=nowhere', 'marker_file:=/etc/passwd'],
+    'retrolidar': ['marker_file:=/nowhere.yaml', f'params_file:={EMPTY}', 'protocol:=st_example'],
+    'two_sensors': ['right_emulate:=nowhere', 'marker_file:=/etc/passwd', 'protocol:=foo'],
     'drone': ['edge:=wide', 'ports:=[a', 'sensors:=2', 'marker_file:=/nowhere.yaml'],
-    'hall': ['names:=left', 'rviz:=perhaps'],
+    'hall': ['names:=left', 'names:=[x, y]', 'names:=[left, on]', 'rviz:=perhaps'],
 }
 
 
