@@ -48,9 +48,11 @@ def run(arguments: argparse.Namespace) -> int:
         for name in scene_names():
             print(f'{name:8}{load_scene(name).description}')
         return 0
-    if arguments.bag is None and arguments.port_link is None:
-        raise ValueError('emulate needs --port-link PATH or --bag DIR')
     scene = load_scene(arguments.scene)
+    if arguments.bag is None and arguments.port_link is None:
+        raise ValueError(
+            'emulate needs --port-link PATH or --bag DIR; see retrolidar emulate --help'
+        )
     if arguments.at is not None:
         path = (Waypoint(0.0, tuple(arguments.at)),)
         scene = replace(scene, sensor=replace(scene.sensor, path=path))

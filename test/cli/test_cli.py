@@ -106,6 +106,8 @@ def test_a_damaged_bag_is_used_up_to_the_damage(bag: Path, tmp_path: Path, capsy
         ('decode BAG --params no.yaml', 'no.yaml cannot be read: No such file or directory'),
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('calibrate BAG -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
+        ('emulate nowhere', '.*no scene nowhere'),
+        ('emulate coffee', 'emulate needs --port-link .* see retrolidar emulate --help'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),
         ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
