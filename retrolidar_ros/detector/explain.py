@@ -24,6 +24,7 @@ from retrolidar_ros.sensor.model import NoiseLaw, Status
 
 _TRIED_ON = 640  # newest frames
 _MAX_ZONES = 4
+NOISELESS = 1e-4
 _MAX_NOISE = 2.0  # times the configured value
 _FEW = 0.5  # share of a marker's packets
 _GLASS_M = 0.05
@@ -52,7 +53,7 @@ class Explanation:
         self._frame_s = frame_period(recording)
         self._detections, self._withheld = list(detections), withheld
         law = settings.noise.lit(recording.ambient)
-        self._noise_scale = _noise_scale(recording, law)
+        self._noise_scale = noise_scale(recording, law)
         if self._noise_scale > 1:
             scale = self._noise_scale
             law = NoiseLaw(law.floor * scale, law.slope * scale, 0.0)
@@ -217,8 +218,11 @@ def _ids(detections: Iterable[Detection]) -> str:
     return ', '.join(map(str, sorted({one.id for one in detections})))
 
 
-def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
-    """Return the variance of the quietest quarter of zones over that of a noise law."""
+def noise_scale(recording: Recording, law: NoiseLaw) -> float:
+    """Return the variance of the quietest quarter of zones over that of a noise law.
+
+    It is less than `NOISELESS` only of an emulated recording without noise.
+    """
     signal, valid, mean = valid_signal(recording)
     pairs = valid[1:] & valid[:-1]
     count = pairs.sum(axis=0)
@@ -232,7 +236,9 @@ def _noise_scale(recording: Recording, law: NoiseLaw) -> float:
 
 def _surroundings(recording: Recording, noise_scale: float) -> list[Finding]:
     result = []
-    if not 1 / _MAX_NOISE < noise_scale < _MAX_NOISE:
+    if noise_scale < NOISELESS:
+        result.append(Finding(Cause.NO_NOISE))
+    elif not 1 / _MAX_NOISE < noise_scale < _MAX_NOISE:
         result.append(Finding(Cause.NOISE, scale=noise_scale))
     with np.errstate(invalid='ignore'):
         near = np.flatnonzero((recording.distance < _GLASS_M).mean(axis=0) > _FEW).tolist()

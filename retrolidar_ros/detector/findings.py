@@ -59,6 +59,10 @@ class Cause(Enum):
         'noise is {scale:.2g} times the configured value: run `retrolidar calibrate BAG` for '
         'noise_floor, noise_slope and noise_ambient'
     )
+    NO_NOISE = (
+        'the recording has no noise, so nothing can be told of it: give the scene `noise`, as the '
+        'sensor has'
+    )
     GLASS = (
         'zone {zones} sees something nearer than {nearer_cm:.0f} cm, such as a cover glass: it '
         'hides what is fainter; take it off or clean it'

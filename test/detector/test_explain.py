@@ -127,6 +127,10 @@ def test_bits_of_one_frame_are_read_and_said_to_be_short() -> None:
     assert causes(too_fast, bit_period=0.012)[0] is Cause.FRAME_RATE
 
 
+def test_a_recording_without_noise_is_told_of_once() -> None:
+    assert causes(seen(noise=None)) == [Cause.NO_BLINKING, Cause.NO_NOISE]
+
+
 def test_noise_is_not_told_from_the_marker_s_zone_alone() -> None:
     recording = seen(marker(bit_period_s=0.05))
     dark = replace(recording, status=recording.status.copy())

@@ -126,6 +126,13 @@ def test_without_a_marker_there_is_noise_and_advice() -> None:
     assert any(line.startswith('No zone blinks') for line in missing(found))
 
 
+def test_a_scene_without_noise_is_said_to_have_none() -> None:
+    sensor = replace(SCENE.sensor, noise=None)
+    advice = missing(calibrate(recorded(replace(SCENE, sensor=sensor)), distance_m=DISTANCE_M))
+    (line,) = [line for line in advice if 'noise' in line]
+    assert line.startswith('The recording has no noise, so nothing can be told of it: give the')
+
+
 def test_zones_that_are_alike_give_no_slope() -> None:
     wall = replace(SCENE.surfaces[0], zones=None)
     found = calibrate(recorded(replace(SCENE, surfaces=(wall,), markers=())))

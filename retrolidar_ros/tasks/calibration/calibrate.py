@@ -11,6 +11,7 @@ import numpy as np
 
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.blinking_zones import MIN_FRAMES, BlinkingZone, blinking_zones
+from retrolidar_ros.detector.explain import NOISELESS, noise_scale
 from retrolidar_ros.detector.trials import Trial, best, candidates, every, trials
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording, frame_period
@@ -96,6 +97,7 @@ class Calibration:
 
     duration_s: float  # of the recording
     noise: NoiseFound | None
+    is_noiseless: bool  # as of a scene without noise
     zones: list[BlinkingZone]  # those that blink
     markers: list[MarkerFound]  # clearest first
     still: MarkerFound | None  # the clearest marker at rest
@@ -132,4 +134,5 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
                 f'{still.range_m.value:.2f} m; {error}'
             ) from error
     duration_s = float(recording.stamp_ns[-1] - recording.stamp_ns[0]) * 1e-9
-    return Calibration(duration_s, noise, zones, markers, still, offset_m)
+    is_noiseless = noise_scale(recording, law) < NOISELESS
+    return Calibration(duration_s, noise, is_noiseless, zones, markers, still, offset_m)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: parameters, plain sentences, and what to record next."""
 
+from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound
 from retrolidar_ros.tasks.calibration.noise import NoiseFound
 
@@ -98,7 +99,8 @@ def missing(found: Calibration) -> list[str]:
             found.duration_s < _LONG_S
         ),
         'No zone is at rest, so the noise is not known: record with the sensor and all but the '
-        'markers standing still.': noise is None,
+        'markers standing still.': noise is None and not found.is_noiseless,
+        f'{Finding(Cause.NO_NOISE)}.'.capitalize(): found.is_noiseless,
         'All zones at rest are alike: put white paper at several distances into the view, and '
         'the noise is measured at all of their signals.': noise and noise.slope is None,
         'Switch a lamp on and off while recording for the noise of ambient light.': (
