@@ -8,12 +8,12 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from tf2_ros import TransformBroadcaster
 
 from retrolidar_ros.msg import Frame as FrameMsg
-from retrolidar_ros.nodes.conversion import to_pose, to_transform
+from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import repeat
@@ -21,12 +21,14 @@ from retrolidar_ros.scene.description import Waypoint
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.laboratory import rotation_of
 from retrolidar_ros.scene.optics import along
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 
 IN_BASE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Turns directions of a scene into those of the arm's base: x ahead, y left, z up (REP 103)."""
 _PERIOD_S = 0.02
 _LISTENING_S = 3.0  # waits so long for another arm before it starts
+_PAST_S = 8.0  # of poses that are sent then, as readings may wait for them; TF keeps ten seconds
 _STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STILL = (Waypoint(0.0, (0.0, 0.0, 0.0)),)
 # A pillar behind the scene's origin, and a hand behind the sensor.
@@ -76,6 +78,7 @@ class EmulatedArmNode(Node):
         names = {'base': quoteattr(self._base), 'sensor': quoteattr(self._sensor)}
         self._description.publish(String(data=_DESCRIPTION.format(**names)))
         self.get_logger().info(f'sending the transform from {self._base} to {self._sensor}')
+        self._send_poses(np.arange(_PAST_S, 0.0, -_PERIOD_S))
 
     def _on_transforms(self, message: TFMessage) -> None:
         """Note what other nodes move: a real arm has priority over this one."""
@@ -91,11 +94,20 @@ class EmulatedArmNode(Node):
         return True
 
     def _send_pose(self) -> None:
-        if not self._sensor:
-            return
-        time_s = np.array([max(time.monotonic() - self._start_s, 0.0)])
-        position_m, rotation_vector = along(self._path, time_s)
-        orientation = quaternion_of(IN_BASE @ rotation_of(rotation_vector)[0])
-        header = Header(frame_id=self._base, stamp=self.get_clock().now().to_msg())
-        pose = to_pose(IN_BASE @ position_m[0], orientation)
-        self._broadcaster.sendTransform([to_transform(header, self._sensor, pose)])
+        if self._sensor:
+            self._send_poses(np.zeros(1))
+
+    def _send_poses(self, ago_s: Floats) -> None:
+        """Send the poses that the sensor had so long ago, shape (n,)."""
+        now_ns = self.get_clock().now().nanoseconds
+        ago_s = ago_s[ago_s * 1e9 <= now_ns]  # a simulated clock may have begun later
+        times_s = np.maximum(time.monotonic() - self._start_s - ago_s, 0.0)
+        positions_m, rotation_vectors = along(self._path, times_s)
+        transforms = []
+        for past_s, position_m, turn in zip(
+            ago_s, positions_m, rotation_of(rotation_vectors), strict=True
+        ):
+            header = to_header(now_ns - round(past_s * 1e9), self._base)
+            pose = to_pose(IN_BASE @ position_m, quaternion_of(IN_BASE @ turn))
+            transforms.append(to_transform(header, self._sensor, pose))
+        self._broadcaster.sendTransform(transforms)

@@ -35,7 +35,7 @@ def transforms_of(came: list[TFMessage]) -> list[TransformStamped]:
 
 
 def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> None:
-    first, second = (np.array(SCENE.sensor.path[index].position_m) for index in (0, 2))
+    first_m, second_m = (np.array(SCENE.sensor.path[index].position_m) for index in (0, 2))
     with running(tmp_path, '/arm_alone') as system:
         system.start('driver', serial_port=system.port)
         # The scene has begun 5.5 s ago, so the hand moves on in half a second.
@@ -44,6 +44,7 @@ def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> No
         sent = system.collect(TFMessage, '/tf', RELIABLE)
         description = system.collect(String, 'robot_description')
         with Sensor(SCENE, system.port):
+            plugged_ns = time.time_ns()
             system.wait(lambda: bool(description), 'a robot description')
             system.wait(lambda: time.monotonic() > start_s + 8.0, 'the second place')
             system.wait(lambda: len(transforms_of(sent)) > 10, 'transforms')
@@ -53,9 +54,12 @@ def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> No
     assert {one.header.frame_id for one in found} == {'stand'}
     stamps = np.array([to_ns(one.header.stamp) for one in found])
     assert (np.diff(stamps) > 0).all()
+    assert stamps[0] < plugged_ns  # readings of before it has sent anything wait for their poses
+    first = found[0].transform
+    assert vector_of(first.translation) == pytest.approx(IN_BASE @ first_m)
     last = found[-1].transform
-    assert vector_of(last.translation) == pytest.approx(IN_BASE @ second)
-    assert not np.allclose(IN_BASE @ first, IN_BASE @ second)
+    assert vector_of(last.translation) == pytest.approx(IN_BASE @ second_m)
+    assert not np.allclose(IN_BASE @ first_m, IN_BASE @ second_m)
     # The sensor looks ahead, 14 degrees to the right.
     ahead = matrix_of(quaternion_in(last.rotation))[:, 2]
     assert ahead[0] > 0.9
