@@ -41,7 +41,7 @@ _DONE = {
     Command.STOP: 'the sensor is stopped',
     Command.RESET: 'the sensor restarts',
 }
-_GRACE = 3  # examinations, one a second, until a problem is logged: a sensor takes time to start
+_GRACE = 6  # examinations, one a second, until a problem is logged: a sensor takes time to start
 _COUNT_PERIOD_FRAMES = 5  # subscribers are counted once in so many frames: that is slow
 
 
