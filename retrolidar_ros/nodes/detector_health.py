@@ -116,9 +116,11 @@ class DetectorHealth:
         mixed = {name: new[name] for name in names if new[name]}
         if sum(mixed.values()) >= _MIXED:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
-            counts = ', '.join(f'{count} {name}' for name, count in mixed.items())
-            text = f'frames of several sensors come mixed{by}: {counts}'
-            problems.append((ERROR, f'{text}; one detector reads one sensor'))
+            how = ', '.join(f'{count} {name}' for name, count in mixed.items())
+            text = (
+                f'frames of several sensors come mixed{by}: {how}; one detector reads one sensor'
+            )
+            problems.append((ERROR, text))
         elif lost := new['lost frames']:
             text = (
                 f'{lost} frames were lost between driver and detector, {self.monitor.lost} in all'

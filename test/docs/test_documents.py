@@ -194,7 +194,7 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(sys.modules, LAUNCHING, launch)
     del sys.modules[LAUNCHING]
     modules = ('', '.actions', '.events', '.events.process', '.launch_context', '.substitutions')
-    for name in (*modules, '.launch_description_entity'):
+    for name in (*modules, '.launch_description_entity', '.logging'):
         monkeypatch.setitem(sys.modules, f'launch{name}', launch)
         monkeypatch.setitem(sys.modules, f'launch_ros{name}', MagicMock())
     runpy.run_path(str(path))['generate_launch_description']()
