@@ -71,7 +71,8 @@ def headlines(report: Report) -> str:
     nodes_ms = 1e3 * sum(
         report['bench-nodes']['core_shares'][one] for one in ('driver', 'detector')
     )
-    what = f'Processor time of the detection, of one core? (Both nodes: {nodes_ms:.0f} ms a second)'
+    nodes = f'Both nodes, by `bench_nodes.py`: {nodes_ms:.0f} ms a second'
+    what = f'Processor time of the detection, of one core? ({nodes})'
     rows.append(_row(what, ours, NOTHING, tag, wins=cpu_ms[0] < cpu_ms[1]))
     one = false_ids.total(report[false_ids.NAME])
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'

@@ -117,9 +117,7 @@ class DetectorHealth:
         if sum(mixed.values()) >= _MIXED:
             by = f' by {", ".join(sorted(publishers))}' if len(publishers) > 1 else ''
             how = ', '.join(f'{count} {name}' for name, count in mixed.items())
-            text = (
-                f'frames of several sensors come mixed{by}: {how}; one detector reads one sensor'
-            )
+            text = f'frames of several sensors come mixed{by}: {how}; one detector reads one sensor'
             problems.append((ERROR, text))
         elif lost := new['lost frames']:
             text = (

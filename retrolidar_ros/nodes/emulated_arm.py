@@ -64,6 +64,7 @@ class EmulatedArmNode(Node):
         self._frames = self.create_subscription(
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
+        self.get_logger().info('waiting for frames, and whether another arm moves the sensor')
         repeat(self, _PERIOD_S, self._send_pose)
 
     def _on_frame(self, message: FrameMsg) -> None:

@@ -94,6 +94,10 @@ class LandmarksNode(Node):
         )
         for estimate in [] if values['localize'] else self._survey.estimates():
             self._topics.publish(estimate)
+        aim = f'placing markers in {self._fixed}'
+        if values['localize']:
+            aim = f'locating {values["base_frame"]} in {frame}'
+        self.get_logger().info(aim)
         repeat(self, _TICK_S, self._solve)
         repeat(self, _TOPICS_S, self._tend_topics)
 
