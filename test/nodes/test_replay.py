@@ -208,18 +208,18 @@ def test_the_command_replays_at_times_of_the_bag(live: Listener, bag: Path, tmp_
         topic = ['--topic', '/retrolidar/frames', '--to', '/command/frames']
         command += [*options, *topic]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path) as process:
-            system.wait(lambda: len(system.frames) > len(frames) + 20, 'the second round')
+            system.wait(lambda: len(system.frames) >= 2 * len(frames), 'the second round')
             # Under load the detector is heard of late, or is late; then it reads the next round.
             system.wait(lambda: ids() == {2073, 2096, 2107}, 'the markers')
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
-        # The first frames may come before both ends of a connection know of each other.
+        # The first frames may come before both ends of a connection know of each other, or late.
         heard = [message for message, _ in system.frames]
         missed = frames.index(heard[0])
         again = len(frames) - missed
         assert heard[:again] == frames[missed:]
-        assert heard[again : again + 20] == frames[:20]
-        took_s = (system.frames[again - 1][1] - system.frames[0][1]) * 1e-9
-        stamps_ns = [to_ns(one.header.stamp) for one in frames[missed:]]
+        assert heard[again : again + len(frames)] == frames
+        took_s = (system.frames[again + len(frames) - 1][1] - system.frames[again][1]) * 1e-9
+        stamps_ns = [to_ns(one.header.stamp) for one in frames]
         assert took_s == pytest.approx((stamps_ns[-1] - stamps_ns[0]) * 1e-9 / 3, rel=0.2)
         assert ids() == {2073, 2096, 2107}
