@@ -203,8 +203,8 @@ static double price_of_sum(const struct rl_case *judged)
     return is_sum && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
-/* How much likelier the packet is than what else may have been sent, less what its gain and a sum of
- * zones cost. Two packets that look like this one do so in each zone.
+/* How much likelier the packet is than what else may have been sent, less what its gain and a sum
+ * of zones cost. Two packets that look like this one do so in each zone.
  */
 static double margin_of(struct rl_case *judged)
 {
