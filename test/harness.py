@@ -8,16 +8,18 @@ The assertions are the same whether a launch file or a plain process runner star
 import threading
 import time
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import yaml
+from geometry_msgs.msg import TransformStamped
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.scene.description import Scene
+from retrolidar_ros.scene.description import Marker, Scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import find_scene
 from retrolidar_ros.sensor.frame import Floats, Frame
@@ -171,29 +173,37 @@ def check_detections(
     listener: Listener,
     scene: Scene,
     frame_id: str,
-    read: list[MarkerDetection] | None = None,
     frames: list[FrameMsg] | None = None,
     name: str = 'marker_{0.id}',
 ) -> None:
     """Detections of the scene's markers are placed, timed and named as they should be.
 
-    They, and the frames, are all that were heard, or those that are given.
+    The frames are all that were heard, or those that are given.
     """
-    read = [message for message, _ in listener.markers] if read is None else read
 
-    def frame_stamps() -> set[int]:
-        heard = [message for message, _ in listener.frames] if frames is None else frames
-        return {to_ns(message.header.stamp) for message in heard}
+    def frame_stamps() -> list[int]:
+        came = [message for message, _ in listener.frames] if frames is None else frames
+        return [to_ns(message.header.stamp) for message in came]
 
-    # Of two topics, either may come first.
-    ends = {to_ns(message.end) for message in read}
-    assert listener.spin_until(lambda: ends <= frame_stamps(), PATIENCE_S), 'frames are missing'
-    transforms = {(t.child_frame_id, to_ns(t.header.stamp)): t for t in listener.transforms}
+    def key(one: TransformStamped | MarkerDetection) -> tuple[str, int]:
+        return one.child_frame_id, to_ns(one.header.stamp)
+
+    def read(marker: Marker) -> list[MarkerDetection]:
+        # Any topic may have been found before the others.
+        sent, first_ns = {key(one) for one in listener.transforms}, min(frame_stamps())
+        own = [one for one, _ in listener.markers if one.header.frame_id == frame_id]
+        own = [one for one in own if to_ns(one.end) >= first_ns and key(one) in sent]
+        return [one for one in own if one.id == marker.id]
+
+    assert listener.spin_until(
+        lambda: bool(frame_stamps()) and all(map(read, scene.markers)), PATIENCE_S
+    ), 'not all are read'
+    detections = {marker.id: read(marker) for marker in scene.markers}
+    ends = {to_ns(message.end) for message in chain.from_iterable(detections.values())}
+    assert listener.spin_until(lambda: ends <= {*frame_stamps()}, PATIENCE_S), 'frames are missing'
+    transforms = {key(one): one for one in listener.transforms}
     for marker in scene.markers:
-        messages = [message for message in read if message.id == marker.id]
-        assert messages
-        for message in messages:
-            assert message.header.frame_id == frame_id
+        for message in detections[marker.id]:
             assert message.child_frame_id == name.format(marker)
             stamp_ns = to_ns(message.header.stamp)
             start_ns, end_ns = to_ns(message.start), to_ns(message.end)
