@@ -13,8 +13,6 @@ enum {
 static const double MIN_LONGER = 0.9;
 /* Share of the evidence in demand that one channel must have by itself. */
 static const double MIN_ALONE = 0.4;
-/* Share of what others explain that a packet needs besides: what they leave may look like one. */
-static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
@@ -115,8 +113,7 @@ static bool is_evident(struct rl_case *judged)
     return verdict->evidence >=
            judged->demands->evidence + cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-               (window->fit.walk >= MIN_WALK ? judged->demands->wandering : 0.0) +
-               LEFT_OVER * window->whitened.explained;
+               (window->fit.walk >= MIN_WALK ? judged->demands->wandering : 0.0);
 }
 
 /* What a bit of what has appeared costs that is not known. It is judged with each bit again. */

@@ -39,8 +39,7 @@ struct rl_whitened {
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;                     /* variance of noise that a fit may claim at least */
-    double null;                      /* log likelihood without a packet, the best of all q, ... */
-    double explained;                 /* ... of which so much is what interferers explain */
+    double null;                      /* log likelihood without a packet, the best of all q */
 };
 
 /* binding */
