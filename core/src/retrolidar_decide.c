@@ -171,9 +171,7 @@ static bool is_word(struct rl_case *judged)
 {
     struct rl_verdict *verdict = &judged->verdict;
     const struct rl_transmission *transmission = &verdict->transmission;
-    /* A refined start may be later than the begin of the window. */
-    const double since_bits = (judged->to_s - transmission->start_s) / transmission->bit_s -
-                              RL_PACKET_BITS * (verdict->packets - 1);
+    const double since_bits = (judged->to_s - transmission->start_s) / transmission->bit_s;
     const int begin = transmission->repeats ? rl_bit_of((int)floor(since_bits + 0.5)) : 0;
     judged->bits = rl_bits_cut(transmission, begin, judged->silent_bits);
     verdict->word = rl_word_flip_bits(judged);

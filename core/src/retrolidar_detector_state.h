@@ -94,12 +94,6 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);
 
-/* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
- * if there is none from the index on, which it moves.
- */
-const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
-                                          double to_s);
-
 /* Whether packets of an ID are held that overlap with a time. */
 bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
                    double overlap_s);

@@ -130,8 +130,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     bool changed = strongest != followed->strongest || ++followed->bright_frames > BEARING_FRAMES;
     for (int zone = 0; zone < samples->zones; zone++) {
         amplitude[zone] = followed->zone[zone].gain;
-        variance[zone] =
-            followed->zone[zone].gain_variance + followed->hidden[zone] * followed->hidden[zone];
+        variance[zone] = followed->zone[zone].gain_variance;
         changed = changed || (rl_zone_beside(zone, strongest, samples->sensor.columns) &&
                               fabs(amplitude[zone] - followed->amplitude[zone]) >
                                   BEARING_DEVIATIONS * sqrt(variance[zone]) + BEARING_SHARE * most);

@@ -113,8 +113,6 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
                     const struct rl_zone_sample *samples, const struct rl_glance *glance,
                     bool crossed);
 
-/* No range is less [m]. */
-static const double RL_NEAREST_M = 1e-3;
 /* Light falls with the range by this power (paper Fig. 5a). */
 static const double RL_EXPONENT = -3.8;
 
@@ -136,7 +134,6 @@ struct rl_followed {
     struct rl_range_filter range;
     struct rl_zone_light zone[RL_MAX_ZONES];
     struct rl_background behind[RL_MAX_ZONES];
-    double hidden[RL_MAX_ZONES]; /* light of a farther target, which hides the marker's */
     double light, slope;         /* in the newest frame, and how it changes with the start [1/s] */
     double noise_scale;          /* variance of distances over the law */
     double bias_variance;        /* of the range, by what is behind the marker [m^2] */

@@ -22,7 +22,7 @@ static const double UNKNOWN_M = 0.2;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
 static const double MIN_BEHIND = 0.5;    /* of it in what is measured */
 static const double MIN_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
-static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
+static const double BIAS_SHARE = 0.1; /* of the newest frame */
 
 /* Variance of a distance at a signal, by the law [m^2]. */
 static double law_of(const struct rl_scenery *scenery, double signal)
@@ -249,8 +249,6 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         }
         const double own = sample.signal - light->level;
         if (followed->light > RANGED_LIGHT) {
-            followed->hidden[zone] +=
-                HIDDEN_SHARE * ((sample.signal == 0.0 ? signal : 0.0) - followed->hidden[zone]);
             if (own > MIN_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
                 (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);

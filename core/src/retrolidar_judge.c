@@ -108,11 +108,11 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
                : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
 }
 
-/* Search a zone without a packet, and without those that have been read in it. Return how the rest
- * varies, in the variance of noise; it is not searched if that is as little as noise does.
+/* Search a zone without a packet, and without those that have been read in it. It is
+ * not searched if the rest varies as little as noise does.
  */
-static double search_without(struct rl_detector *detector, const struct rl_verdict *one,
-                             double to_s, struct rl_hits *hits)
+static void search_without(struct rl_detector *detector, const struct rl_verdict *one, double to_s,
+                           struct rl_hits *hits)
 {
     struct rl_interference interference;
     const int channel = one->channel, packets = one->packets;
@@ -131,7 +131,6 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
                        2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, channel);
-    return rest;
 }
 
 /* Look for another packet in the zone of one, as they hide each other: the other is the best one

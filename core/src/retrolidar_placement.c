@@ -6,9 +6,6 @@
 
 #include <math.h>
 
-/* Least range, whatever the offset. */
-static const double NEAREST_M = 1e-3;
-
 /* By how much the signal of a zone rises with the light, and what the packet leaves over. */
 struct amplitude {
     double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
@@ -269,7 +266,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     placement->amplitude = amplitude.of[strongest];
     placement->noise = amplitude.noise[strongest];
     placement->score = amplitude.score[strongest];
-    placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
+    placement->range_m = fmax(placement->range_m - sensor->range_offset_m, RL_NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->sensor.rows, samples->sensor.columns,
                       strongest, amplitude.of, amplitude.variance, sensor->zone_blur);

@@ -78,19 +78,6 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
     return track;
 }
 
-const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
-                                          double to_s)
-{
-    while (*index < pool->count) {
-        const struct rl_active_track *track = &pool->track[(*index)++];
-        const double end_s = track->train.end_s + RL_PACKET_BITS * track->train.transmission.bit_s;
-        if (end_s > from_s && end_s <= to_s) {
-            return track;
-        }
-    }
-    return NULL;
-}
-
 bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
                    double overlap_s)
 {
@@ -124,10 +111,10 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
         for (int i = pool->count - 1; i >= 0; i--) {
             const struct rl_active_track *track = &pool->track[i];
             const struct rl_packet_train *train = &track->train;
-            const uint64_t seen = beside ? track->near & ~track->zones : track->zones;
-            const bool is_seen = (beside == 0) == ((track->zones & zones) != 0);
-            if (track->id != except && (seen & zones) != 0 && is_seen && train->end_s > since_s &&
-                train->begin_s < to_s && interference->count < RL_MAX_TRAINS) {
+            const bool sees = (track->zones & zones) != 0, is_near = (track->near & zones) != 0;
+            if ((beside ? is_near && !sees : sees) && track->id != except &&
+                train->end_s > since_s && train->begin_s < to_s &&
+                interference->count < RL_MAX_TRAINS) {
                 interference->train[interference->count++] = *train;
             }
         }

@@ -178,10 +178,14 @@ static void search_beside(struct rl_detector *detector, double to_s)
 /* Judge the packets that follow those that were read, if their markers go on. */
 static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
-    const struct rl_active_track *track;
-    for (int i = 0; (track = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
+    for (int i = 0; i < detector->pool.count && detector->decisions_left > 0; i++) {
+        const struct rl_active_track *track = &detector->pool.track[i];
         struct rl_transmission next = track->train.transmission;
         const double packet_s = RL_PACKET_BITS * next.bit_s;
+        const double end_s = track->train.end_s + packet_s;
+        if (!(end_s > from_s && end_s <= to_s)) {
+            continue;
+        }
         /* The packet that the newest stretch of its length begins in. */
         next.start_s += packet_s * floor((to_s - next.start_s) / packet_s - 1.0);
         next.repeats = true;
@@ -190,9 +194,7 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
             .packets = 1,
             .since_s = -INFINITY,
             .hits = {.reference = RL_NO_REFERENCE, .count = 1, .hit = {{0.0f, track->id, next}}}};
-        if (detector->decisions_left > 0) {
-            rl_judge(detector, &pending, to_s);
-        }
+        rl_judge(detector, &pending, to_s);
     }
 }
 

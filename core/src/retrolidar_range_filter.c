@@ -96,7 +96,7 @@ static struct rl_motion begin(const struct rl_motion *from, int motion, int to)
 
 void rl_range_predict(struct rl_range_filter *filter, double step_s)
 {
-    struct rl_motion after[RL_MOTIONS];
+    struct rl_range_filter after;
     for (int to = 0; to < RL_MOTIONS; to++) {
         struct rl_motion before[RL_MOTIONS];
         double weight[RL_MOTIONS], total = 0.0;
@@ -111,12 +111,10 @@ void rl_range_predict(struct rl_range_filter *filter, double step_s)
             weight[from] = change * filter->motion[from].chance;
             total += weight[from];
         }
-        after[to] = mixture(before, weight, total);
-        move(&after[to], to, step_s);
+        after.motion[to] = mixture(before, weight, total);
+        move(&after.motion[to], to, step_s);
     }
-    for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i] = after[i];
-    }
+    *filter = after;
 }
 
 void rl_range_update(struct rl_range_filter *filter, double range_m, double variance, double share)

@@ -12,6 +12,8 @@
 
 /* Distance of a marker from the surface that it is mounted on. */
 static const double RL_MOUNTING_M = 0.005;
+/* No range is less, whatever the sensor's offset. */
+static const double RL_NEAREST_M = 1e-3;
 
 /* binding */
 enum { RL_MAX_OTHERS = 2 }; /* markers beside one in a zone */

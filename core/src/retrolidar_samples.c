@@ -226,17 +226,16 @@ static void follow_ambient(struct rl_samples *samples, const float *ambient)
     samples->ambient = count > 0 ? rl_median(values, count) : 0.0;
 }
 
-int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
-                    const float *distance, const float *ambient, const uint8_t *status)
+void rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
+                     const float *distance, const float *ambient, const uint8_t *status)
 {
     const double time_s = (double)(stamp_ns - samples->origin_ns) * 1e-9;
-    int rows = 1;
     if (samples->count > 0) {
         const double before_s = middle_of(samples, samples->count - 1);
         const double periods =
             fmin((time_s - before_s) / samples->period_s + 0.4, samples->kept / 2);
         follow_period(samples, time_s - before_s);
-        rows = periods < 1.0 ? 1 : (int)periods;
+        const int rows = periods < 1.0 ? 1 : (int)periods;
         const double step_s = (time_s - before_s) / rows;
         for (int missing = 1; missing < rows; missing++) {
             if (samples->count == samples->capacity) {
@@ -256,7 +255,6 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     follow_ambient(samples, ambient);
     const int packet = (int)(RL_PACKET_BITS * samples->bit_s / samples->period_s + 0.5);
     rl_noise_follow(samples, packet < samples->kept ? packet : samples->kept, full);
-    return rows;
 }
 
 int rl_samples_oldest(const struct rl_samples *samples)

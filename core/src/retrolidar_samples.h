@@ -94,9 +94,9 @@ void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor
 /* Begin, or forget all: times count from this stamp now. */
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);
 
-/* Append a frame that is later than all before; return how many rows it has made. */
-int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
-                    const float *distance, const float *ambient, const uint8_t *status);
+/* Append a frame that is later than all before, and erasures for those that were lost. */
+void rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
+                     const float *distance, const float *ambient, const uint8_t *status);
 
 /* Number of the first row that is held for sure. */
 int rl_samples_oldest(const struct rl_samples *samples);

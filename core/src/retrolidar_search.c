@@ -4,7 +4,6 @@
 #include "retrolidar_search.h"
 
 #include <math.h>
-#include <string.h>
 
 enum { EIGHTHS = 2 * RL_PHASES }; /* of a bit, by which packets that ended are tried */
 
@@ -92,10 +91,10 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
             integrate_all(search, &trial);
         }
         for (int lane = 0; lane < count; lane++) {
-            if (!all && search->shortlist[lane].words == 0) {
-                continue;
-            }
             if (!all) {
+                if (search->shortlist[lane].words == 0) {
+                    continue;
+                }
                 rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
             }
             rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane, shifts);

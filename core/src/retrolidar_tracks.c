@@ -6,7 +6,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;

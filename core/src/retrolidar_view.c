@@ -103,9 +103,7 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
         view->begin[row] = (float)(begin_s - samples->begin_s[view->first]);
         view->rate[row] = (float)(1.0 / (samples->end_s[view->first + row] - begin_s));
     }
-    const float lasting_s = view->begin[view->rows - 1];
     view->begin[view->rows] = INFINITY;
-    view->rows_a_second = lasting_s > 0.0f ? (float)(view->rows - 1) / lasting_s : 0.0f;
     for (int lane = 0; lane < view->lanes; lane += RL_LANES) {
         struct rl_column column[RL_LANES];
         for (int i = 0; i < RL_LANES; i++) {
@@ -117,20 +115,6 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
     }
 }
 
-/* The row of a time, or the first or the last one; exposures are about as long as each other. */
-static int row_of(const struct rl_view *view, float time_s)
-{
-    const float since_s = rl_maxf(time_s, 0.0f);
-    int row = (int)rl_minf(since_s * view->rows_a_second, (float)view->rows);
-    while (view->begin[row] > since_s) {
-        row--;
-    }
-    while (view->begin[row + 1] <= since_s) {
-        row++;
-    }
-    return row;
-}
-
 void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
 {
     const int bits = RL_PACKET_BITS * trial->packets;
@@ -138,7 +122,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     const float first_s =
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
     float shared = 0.0f;
-    int row = row_of(view, first_s), seen = bits;
+    int row = 0, seen = bits;
     while (seen > 0 && first_s + (float)(bits - seen + 1) * bit_s <= 0.0f) {
         seen--;
     }

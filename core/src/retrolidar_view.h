@@ -26,7 +26,6 @@ struct rl_view {
     const struct rl_samples *samples;
     int first, rows; /* in the samples */
     int lanes;       /* a multiple of RL_LANES */
-    float rows_a_second;
     float *begin; /* of each exposure since the first, and after the last what never comes [s] */
     float *rate;  /* 1 over the length of each exposure [1/s] */
     float *light;
