@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The bits of a window: what each does for the likelihood, and whether other sequences of bits, of
- * a word or not, are better than a packet.
- */
+/* The word test: whether flipped bits, or other sequences of bits, are likelier than a packet. */
 #include "retrolidar_decide.h"
 
 #include <math.h>
@@ -38,13 +36,13 @@ void rl_bits_flip(struct rl_case *judged, int split, bool later)
     struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
     const double split_s = window->begin_s[split];
-    float second = 0.0f; /* what the packet's second bit does, which is dark */
+    float second = 0.0f; /* of the packet's second bit, which is dark */
     for (int bit = bits->count - 1; bit >= 0; bit--) {
         const double middle_s = bits->begin_s + (bit + 0.5) * transmission->bit_s;
         if (split > 0 && (middle_s < split_s) == later) {
             bits->flipped[bit] = 0.0f;
         } else if (bit < bits->silent) {
-            /* What a dark bit there would do is not tried: about as much as in the packet. */
+            /* A dark bit in the silence is not tried: it changes about as much as in the packet. */
             bits->flipped[bit] = second;
         } else {
             const int of = rl_bit_of(bits->first + bit - bits->silent);

@@ -6,19 +6,19 @@
 #include <math.h>
 
 enum {
-    MIN_WALK = 3, /* walk from which on what a packet leaves over is more than noise */
+    MIN_WALK = 3, /* index of q from which on the level wanders */
 };
 
-/* Share of the evidence of a packet that has repeated that there must be with the bits before. */
+/* A packet that has repeated keeps this share of its evidence if the bits before are added. */
 static const double MIN_LONGER = 0.9;
-/* Share of the evidence in demand that one channel must have by itself. */
+/* A candidate with less than this share of the threshold is rejected at once. */
 static const double MIN_ALONE = 0.4;
-/* Share of what others explain that a packet needs besides: what they leave may look like one. */
+/* Additional evidence, as a share of what interferers explain: their residual may look like one. */
 static const double LEFT_OVER = 0.1;
-/* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
+/* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
-/* Whether what was taken for some of many packets may as well be a lone one, ended or not. */
+/* Whether a lone packet, ended or not, explains the window as well as one that repeats. */
 static bool may_be_lone(const struct rl_case *judged)
 {
     const struct rl_transmission *transmission = &judged->verdict.transmission;
@@ -33,11 +33,11 @@ static bool may_be_lone(const struct rl_case *judged)
     return false;
 }
 
-/* Whether the samples before a stretch speak for a packet that repeats, as those in it do. A lone
- * packet whose end has not come yet may look like another one that repeats.
+/* Whether the samples before a stretch, too, speak for a packet that repeats. A lone packet that
+ * has not ended yet may look like another one that repeats.
  *
- * begin_s: of the stretch, as the window was opened; it is opened so again, as likelihoods of other
- *     samples cannot be compared
+ * begin_s: of the stretch; the window is opened again there, as likelihoods of other samples cannot
+ *     be compared
  */
 static bool has_repeated(const struct rl_case *judged, double begin_s)
 {
@@ -59,7 +59,7 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }
 
-/* Evidence that a packet of few changes needs besides, as what moves in steps may look like it. */
+/* Additional evidence for a packet of few changes, as an object that moves may look like it. */
 static double cost_of_changes(uint32_t bits)
 {
     int changes = 0;
@@ -119,13 +119,13 @@ static bool is_evident(struct rl_case *judged)
                LEFT_OVER * window->whitened.explained;
 }
 
-/* What a bit of what has appeared costs that is not known. It is judged with each bit again. */
+/* Price of an unknown bit if the marker has just appeared, as it is judged with each bit again. */
 static double price_of_new_bit(void)
 {
     return 2.0 * log(2.0);
 }
 
-/* Bits that need not be known to tell the IDs in use apart. */
+/* Bits of an ID that are not needed to tell the registered ones apart. */
 static double spare_bits(const struct rl_codebook *codebook)
 {
     return RL_ID_BITS - log2(codebook->words);
@@ -138,7 +138,7 @@ double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_de
     return fmax(RL_PACKET_BITS - 1 - unknown, RL_LOOK_BITS);
 }
 
-/* Of the first bits of the packet, how many may as well be flipped, about. */
+/* About how many of the first bits are unknown: flipped, they explain as much. */
 static double unknown_bits(const struct rl_bits *bits, int count)
 {
     double unknown = 0.0;
@@ -149,12 +149,11 @@ static double unknown_bits(const struct rl_bits *bits, int count)
     return unknown;
 }
 
-/* By how much another sequence may be better, or may have been in the packet before it together
- * with this one: what explains both a little better is what is sent. Any sequence looks like a word
- * if enough of its bits are unknown: a bit less of a word's redundancy is a bit more of chance, or
- * two where something has appeared, as that is judged with each bit again. With few registered IDs
- * more may be unknown, and any of a packet that was expected. None is a packet of which most of the
- * preamble is unknown.
+/* The threshold of the word statistic. The statistic of the packet before counts, too: bits that
+ * explain both packets a little better are what is sent. If enough bits are unknown, any sequence
+ * looks like a word, so each lowers the threshold; by twice as much if the marker has just
+ * appeared, as it is judged with each bit again. With few registered IDs, or if the packet was
+ * expected, more bits may be unknown. Half of the preamble must be known.
  */
 static double max_word_of(const struct rl_case *judged)
 {
@@ -190,8 +189,8 @@ static bool is_word(struct rl_case *judged)
     return verdict->word <= max_word_of(judged);
 }
 
-/* By how much a packet in a sum of zones must be likelier besides: several markers together may
- * look like another one, the sooner the more they leave over.
+/* Additional margin in a sum of zones: several markers together may look like another one, more so
+ * the more variance the packet leaves.
  */
 static double price_of_sum(const struct rl_case *judged)
 {
@@ -201,14 +200,14 @@ static double price_of_sum(const struct rl_case *judged)
     return is_sum && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
-/* How much likelier the packet is than what else may have been sent, less what its gain and a sum
- * of zones cost. Two packets that look like this one do so in each zone.
+/* The decision margin, less the prices of a changing gain and of a sum of zones. Two packets that
+ * look like this one do so in each zone, so they have no price of a sum.
  */
 static double margin_of(struct rl_case *judged)
 {
     const double price = price_of_sum(judged);
     double margin = rl_rivals_margin(judged) - price;
-    /* A marker whose packets are known goes on sending them more likely than it does this. */
+    /* A known marker more likely continues than does this. */
     if (margin >= judged->demands->margin && judged->verdict.packets == 1 && !judged->follows) {
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
         margin = fmin(margin, rl_rivals_successive_margin(judged));

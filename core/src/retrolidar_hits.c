@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What a search has found in one channel, the most promising first. */
+/* The hits of a search in one channel, the best first. */
 #include "retrolidar_search.h"
 
 #include <math.h>
@@ -12,19 +12,19 @@ static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 /* Coarse templates explain no more than this. */
 static const float MAX_EXPLAINED = 0.995f;
 
-/* Half of the samples times the logarithm of what is left of the variance. */
+/* Log likelihood ratio: -1/2 samples log(share of the power that is left). */
 static float nats_of(float squared, const struct rl_soft_summary *summary)
 {
     return -0.5f * summary->samples * log1pf(-rl_minf(squared / summary->power, MAX_EXPLAINED));
 }
 
-/* What must be explained for this many nats. */
+/* The power that must be explained for so many nats. */
 static float min_of(float nats, const struct rl_soft_summary *summary)
 {
     return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
 
-/* The first slot that no entry refers to; there is one more than entries of different trials. */
+/* The first slot that no entry refers to; there is always one. */
 static int free_slot(const struct rl_shortlist *shortlist)
 {
     bool is_taken[RL_SLOTS] = {false};
@@ -41,7 +41,7 @@ static int free_slot(const struct rl_shortlist *shortlist)
     return slot;
 }
 
-/* Keep an item if it is among the best, and better than the one of its kind: `same` is the index of
+/* Keep an item if it is among the best, and better than the kept one of its kind; same: index of
  * that, or the count if there is none.
  */
 static void keep_best_of_kind(void *kept, int *count, int max_count, int same, const void *item,
@@ -71,7 +71,7 @@ static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_en
     keep_best_of_kind(kept, &shortlist->sequences, RL_TRIED, same, &entry, sizeof entry);
 }
 
-/* What any sequence of bits explains at the most. */
+/* The power that the best sequence of bits explains. */
 static float any_squared(const struct rl_demand *demand, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary)
 {
@@ -101,7 +101,7 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     const float upper_bound = nats_of(any, summary);
     const int slot = free_slot(shortlist);
     float *soft = shortlist->slot[slot].soft;
-    /* Of a part the preamble need not be seen, so that any start may be the right one. */
+    /* If only a part is seen, the preamble may be missing, so all starts are kept. */
     const int max_words = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
     shortlist->slot[slot].trial = *trial;
     shortlist->slot[slot].summary = *summary;
@@ -137,8 +137,8 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
     }
 }
 
-/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
- * time. In a long run the level is taken for the light of its bits, and their signs say little.
+/* The sequence of bits that explains most: from the signs of the soft bits, by flipping one at a
+ * time. In a long run of equal bits the level follows their light, so their signs say little.
  */
 static uint32_t best_bits(const struct rl_slot *slot, const struct rl_smooth *smooth)
 {
@@ -215,7 +215,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const struct rl_slot *slot = &shortlist->slot[entry->slot];
         const struct rl_trial *trial = &slot->trial;
         const float packets = (float)trial->packets;
-        /* A word that others exceed by so much is none, and no rival either. */
+        /* A word that other bits exceed by so much is neither a packet nor a rival. */
         const float upper_bound = rl_llr_upper_bound(demand, trial, &slot->summary);
         const float min_nats = rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
         const float least = min_of(min_nats, &slot->summary);

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What becomes of a hit of the search: it is read, alone or with one that it hides, or rejected. */
+/* Judge a hit of the search: read it, alone or with another one that it hides, or reject it. */
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
@@ -18,7 +18,7 @@ static struct rl_packet_train train_of(const struct rl_verdict *verdict)
     return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
 }
 
-/* Add a packet to what interferes, in place of the last one if there is no room. */
+/* Add a packet to the interference, in place of the last one if that is full. */
 static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
 {
     if (interference->count == RL_MAX_TRAINS) {
@@ -27,10 +27,7 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
     interference->train[interference->count++] = train_of(beside);
 }
 
-/* Judge a hit as what it is found to be.
- *
- * beside: another packet that is taken to be there, if any
- */
+/* Judge a hit, beside another packet if `beside` is not NULL. */
 static struct rl_verdict decide_as_found(struct rl_detector *detector, int channel, int packets,
                                          const struct rl_hit *hit, const struct rl_hits *hits,
                                          const struct rl_verdict *beside, double to_s)
@@ -49,7 +46,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .transmission = *transmission,
         .begin_s = transmission->repeats ? to_s - packets * packet_s : transmission->start_s,
         .end_s = to_s};
-    /* Markers may have gone on from what was read up to two packets before. */
+    /* A marker that was read up to three packets before may still be sending. */
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
                          train.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
     if (beside != NULL) {
@@ -76,7 +73,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     return verdict;
 }
 
-/* The packet of a stretch that has ended last, as one that is sent once. */
+/* The last packet of a stretch that has ended, as a lone one. */
 static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
 {
     const struct rl_transmission *transmission = &verdict->transmission;
@@ -88,9 +85,7 @@ static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
     return hit;
 }
 
-/* Judge a hit; a stretch that does not repeat for certain is judged as the packet that has ended in
- * it.
- */
+/* Judge a hit. If a stretch may not repeat, judge the last packet that ended in it. */
 static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
@@ -108,8 +103,8 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
                : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
 }
 
-/* Search a zone without a packet, and without those that have been read in it. It is
- * not searched if the rest varies as little as noise does.
+/* Subtract a packet and those read before from a zone, and search the rest, if it varies by more
+ * than noise.
  */
 static void search_without(struct rl_detector *detector, const struct rl_verdict *one, double to_s,
                            struct rl_hits *hits)

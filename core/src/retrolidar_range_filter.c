@@ -11,9 +11,9 @@
 
 enum { STILL, EVEN, TURNING, CHANGED };
 
-/* Rates, accelerations, losses and rates begun are fitted to emulated markers that rest, go to and
- * fro evenly, swing, are carried by hand, or go and stop, at 1 and 2 m: by likelihood, error and
- * pull of all their ranges.
+/* All these numbers are fitted to emulated markers that rest, go to and fro evenly, swing, are
+ * carried by hand, or go and stop, at 1 and 2 m: by likelihood, error and normalised error of their
+ * ranges.
  */
 /* How often one motion becomes another [1/s]. */
 static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
@@ -22,13 +22,13 @@ static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
     {1e-4, 0.01, 0.0, 0.6},
     {2e-4, 0.7, 0.4, 0.0},
 };
-/* Spectral density of the acceleration [m^2/s^3]; one at rest trembles [m^2/s]. */
+/* Spectral density of the acceleration [m^2/s^3], and of the position at rest [m^2/s]. */
 static const double ACCELERATION[RL_MOTIONS] = {0.0, 3e-6, 1.0, 0.01};
 static const double TREMBLE = 1e-9;
 static const double SLOWS[RL_MOTIONS] = {0.0, 0.1, 2.5, 0.0}; /* share of the rate lost [1/s] */
-/* Of a rate before anything is known of it, and of one at rest [m/s]. */
+/* Deviations of a rate that is not known, and of one at rest [m/s]. */
 static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
-/* Of one that begins to move so [m/s]. */
+/* Deviation of the rate after rest, by the motion that begins [m/s]. */
 static const double BEGUN_RATE[RL_MOTIONS] = {0.0, 0.5, 0.02, 2e-4};
 static const double FIRST_CHANCE[RL_MOTIONS] = {0.4, 0.2, 0.3, 0.1};
 static const double MIN_CHANCE = 1e-12, MIN_VARIANCE = 1e-10;
@@ -80,7 +80,7 @@ static void move(struct rl_motion *one, int motion, double step_s)
     one->rate_variance = fmin(one->rate_variance + noise, 4.0 * ANY_RATE * ANY_RATE);
 }
 
-/* A motion, as it is when another one begins. */
+/* The state of a motion as it changes to another one. */
 static struct rl_motion begin(const struct rl_motion *from, int motion, int to)
 {
     struct rl_motion begun = *from;

@@ -5,22 +5,22 @@
 
 #include <math.h>
 
-enum { EIGHTHS = 2 * RL_PHASES }; /* of a bit, by which packets that ended are tried */
+enum { EIGHTHS = 2 * RL_PHASES }; /* ends of packets that are tried in each bit */
 
-/* What stands out of strong samples is asked for more, as most of it is judged in vain. */
+/* In strong channels a hit needs so much more, as most of them are rejected later. */
 static const double STRONG_SHARE = 1.3;
-/* The longer the silence before a faint packet is remembered, the more certain its bright level. */
+/* A smaller walk remembers the silence before a faint packet longer: its level is more certain. */
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 
 /* A stretch of a lane. */
 struct stretch {
-    float share; /* by how much its bits stand out */
+    float share; /* energy of its soft bits, over that of the samples */
     struct rl_trial trial;
     struct rl_soft_summary summary;
 };
 
-/* The stretches of a lane whose bits stand out most, by any sequence of bits. */
+/* The stretches of a lane with the greatest shares. */
 struct kept {
     int count;
     struct stretch stretch[RL_TRIED];
@@ -36,8 +36,8 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
     rl_view_start(&search->view, samples, memory);
 }
 
-/* Tabulate what whitening takes off two bits that are some bits apart: the kernel of the level, an
- * exponential to both sides, under two boxes of a bit.
+/* Find the energy that whitening removes from pairs of bits by their lag: the level's kernel, a
+ * two-sided exponential, under two boxes of a bit each.
  */
 static void plan(struct rl_search *search)
 {
@@ -77,7 +77,7 @@ static void integrate_all(struct rl_search *search, const struct rl_trial *trial
     }
 }
 
-/* Try packets that end at one time, at all clocks, in all lanes or in those that are promising. */
+/* Try packets that end at one time, at all clocks, in all lanes or in those with words only. */
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
                      const struct rl_demand *demand)
 {
@@ -118,13 +118,13 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     if (!promising) {
         return;
     }
-    /* What else these may be: sequences of any phase. */
+    /* Rivals of these: sequences of bits at any phase. */
     for (; back < EIGHTHS; back++) {
         try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
     }
 }
 
-/* Hold the bits of a stretch against all starts. */
+/* Try all starts of a stretch. */
 static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
                          const struct rl_demand *demand)
 {
@@ -146,7 +146,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
     const int clocks = (int)(RL_MAX_SKEW * half_bits / 2 * RL_PHASES + 0.999);
     const double skew = RL_MAX_SKEW / clocks;
-    /* All stretches have the same middle, or up to a bit before. */
+    /* The middles of all stretches lie within one bit. */
     const double middle_s = to_s - half_bits * bit_s * (1.0 + RL_MAX_SKEW);
     for (int lane = 0; lane < count; lane++) {
         kept[lane].count = 0;
