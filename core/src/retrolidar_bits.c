@@ -68,7 +68,7 @@ double rl_word_sequence(const struct rl_case *judged)
 double rl_word_flip_bits(struct rl_case *judged)
 {
     const struct rl_bits *bits = &judged->bits;
-    const double enough = 3.0 * judged->demands->word;
+    const double enough = 3.0 * judged->thresholds->word;
     struct rl_transmission best = judged->verdict.transmission;
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
@@ -104,7 +104,7 @@ double rl_word_packets(const struct rl_case *judged)
 {
     struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
-    const double enough = 2.0 * judged->demands->word;
+    const double enough = 2.0 * judged->thresholds->word;
     const double bit_s = transmission->bit_s, packet_s = RL_PACKET_BITS * bit_s;
     const double first = floor((window->begin_s[0] - transmission->start_s) / packet_s);
     const double newest_s = window->begin_s[window->rows - 1];

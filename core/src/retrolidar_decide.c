@@ -82,7 +82,7 @@ static int open(struct rl_case *judged)
     window->max_bit_s = usual_s * (1.0 + RL_MAX_SKEW + SKEW_SLACK);
     const double begin_s = judged->to_s - RL_PACKET_BITS * transmission->bit_s;
     rl_observation_open(judged);
-    if (verdict->evidence < MIN_ALONE * judged->demands->evidence) {
+    if (verdict->evidence < MIN_ALONE * judged->thresholds->evidence) {
         return RL_EVIDENCE;
     }
     if ((!transmission->repeats &&
@@ -113,9 +113,9 @@ static bool is_evident(struct rl_case *judged)
     verdict->evidence = judged->own - window->whitened.null;
     verdict->fit = window->fit;
     return verdict->evidence >=
-           judged->demands->evidence + cost_of_changes(verdict->transmission.bits) +
+           judged->thresholds->evidence + cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-               (window->fit.walk >= MIN_WALK ? judged->demands->wandering : 0.0) +
+               (window->fit.walk >= MIN_WALK ? judged->thresholds->wandering : 0.0) +
                LEFT_OVER * window->whitened.explained;
 }
 
@@ -132,9 +132,10 @@ static double spare_bits(const struct rl_codebook *codebook)
 }
 
 /* The crystal is slow, so the first of them tells of the one before. */
-double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands)
+double rl_decide_min_bits(const struct rl_codebook *codebook,
+                          const struct rl_thresholds *thresholds)
 {
-    const double unknown = spare_bits(codebook) + demands->word / price_of_new_bit();
+    const double unknown = spare_bits(codebook) + thresholds->word / price_of_new_bit();
     return fmax(RL_PACKET_BITS - 1 - unknown, RL_LOOK_BITS);
 }
 
@@ -163,7 +164,7 @@ static double max_word_of(const struct rl_case *judged)
     const double price = judged->is_new ? price_of_new_bit() : log(2.0);
     return 2.0 * preamble > RL_PREAMBLE_BITS
                ? -INFINITY
-               : judged->demands->word - judged->word_before - price * fmax(unknown, 0.0);
+               : judged->thresholds->word - judged->word_before - price * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct rl_case *judged)
@@ -208,7 +209,7 @@ static double margin_of(struct rl_case *judged)
     const double price = price_of_sum(judged);
     double margin = rl_rivals_margin(judged) - price;
     /* A known marker more likely continues than does this. */
-    if (margin >= judged->demands->margin && judged->verdict.packets == 1 && !judged->follows) {
+    if (margin >= judged->thresholds->margin && judged->verdict.packets == 1 && !judged->follows) {
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
         margin = fmin(margin, rl_rivals_successive_margin(judged));
     }
@@ -232,7 +233,7 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     }
     verdict->reason = RL_MARGIN;
     verdict->margin = margin_of(judged);
-    if (verdict->margin < judged->demands->margin) {
+    if (verdict->margin < judged->thresholds->margin) {
         return *verdict;
     }
     judged->window->has_profile = false;
@@ -241,6 +242,6 @@ struct rl_verdict rl_decide(struct rl_case *judged)
         verdict->packets == 1 ? rl_clock_excess(judged->window, &verdict->transmission, steady)
                               : rl_clock_period_excess(judged->window, &verdict->transmission);
     verdict->word = fmax(verdict->word, other);
-    verdict->reason = other > judged->demands->word ? RL_NOT_A_WORD : RL_READ;
+    verdict->reason = other > judged->thresholds->word ? RL_NOT_A_WORD : RL_READ;
     return *verdict;
 }

@@ -16,7 +16,7 @@
 enum { RL_EVIDENCE, RL_NOT_A_WORD, RL_MARGIN, RL_INCOMPLETE, RL_ERASED, RL_READ };
 
 /* What is asked of a packet [nats]. */
-struct rl_demands {
+struct rl_thresholds {
     double evidence;
     double wandering;      /* additional evidence if the level wanders */
     double word;           /* by how much another sequence of bits may be better */
@@ -57,7 +57,7 @@ struct rl_bits {
 struct rl_case {
     struct rl_window *window;
     const struct rl_codebook *codebook;
-    const struct rl_demands *demands;
+    const struct rl_thresholds *thresholds;
     const struct rl_hits *hits; /* that were found with it, rivals if they are of other IDs */
     double consumed_until_s;    /* end of the packet that was read last in the channel [s] */
     double since_s; /* earlier samples are left out, as its marker was not there [s] */
@@ -75,7 +75,8 @@ struct rl_case {
 };
 
 /* The least number of bits that must be seen of a packet whose marker has just appeared. */
-double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands);
+double rl_decide_min_bits(const struct rl_codebook *codebook,
+                          const struct rl_thresholds *thresholds);
 
 struct rl_verdict rl_decide(struct rl_case *judged);
 

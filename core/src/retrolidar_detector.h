@@ -20,7 +20,7 @@ struct rl_settings {
     int32_t max_packets; /* to be combined, 1 to 8 */
     int32_t kept;        /* newest rows of samples that are held */
     double bit_s;        /* how long markers hold a bit [s] */
-    struct rl_demands demands;
+    struct rl_thresholds thresholds;
 };
 
 /* When and where a marker is. */

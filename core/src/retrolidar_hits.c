@@ -72,29 +72,29 @@ static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_en
 }
 
 /* The power that the best sequence of bits explains. */
-static float any_squared(const struct rl_demand *demand, const struct rl_trial *trial,
+static float any_squared(const struct rl_criteria *criteria, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary)
 {
     if (summary->dark == 0 || summary->samples < 2.0f) {
         return 0.0f;
     }
     return summary->any * summary->any /
-           (rl_energy_of(&trial->energy, demand->smooth, summary->dark) * (float)trial->packets);
+           (rl_energy_of(&trial->energy, criteria->smooth, summary->dark) * (float)trial->packets);
 }
 
-float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
+float rl_llr_upper_bound(const struct rl_criteria *criteria, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary)
 {
-    return nats_of(any_squared(demand, trial, summary), summary);
+    return nats_of(any_squared(criteria, trial, summary), summary);
 }
 
-void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
+void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *criteria,
                       const struct rl_trial *trial, const struct rl_sums *sums, int lane,
                       int shifts)
 {
     const struct rl_soft_summary *summary = &sums->summary[lane];
-    const float any = any_squared(demand, trial, summary);
-    const float least = min_of(demand->least, summary);
+    const float any = any_squared(criteria, trial, summary);
+    const float least = min_of(criteria->least, summary);
     if (!(any > 0.0f && any >= least)) {
         return;
     }
@@ -125,12 +125,12 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         const uint32_t bits = rl_rotate_bits(PREAMBLE | dark, RL_PACKET_BITS - shift) & trial->seen;
         const float squared =
             sum * sum /
-            (rl_energy_of(&trial->energy, demand->smooth, bits) * (float)trial->packets);
+            (rl_energy_of(&trial->energy, criteria->smooth, bits) * (float)trial->packets);
         if (squared < least) {
             continue;
         }
         const float nats = nats_of(squared, summary);
-        if (upper_bound - nats <= demand->max_llr_deficit) {
+        if (upper_bound - nats <= criteria->max_llr_deficit) {
             const struct rl_shortlist_entry entry = {nats, shift, slot};
             rl_keep_best(shortlist->word, &shortlist->words, max_words, &entry, sizeof entry);
         }
@@ -207,7 +207,7 @@ int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left
 }
 
 void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
-                  const struct rl_codebook *codebook, const struct rl_demand *demand)
+                  const struct rl_codebook *codebook, const struct rl_criteria *criteria)
 {
     hits->count = hits->sequences = 0;
     for (int word = 0; word < shortlist->words; word++) {
@@ -216,16 +216,17 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const struct rl_trial *trial = &slot->trial;
         const float packets = (float)trial->packets;
         /* A word that other bits exceed by so much is neither a packet nor a rival. */
-        const float upper_bound = rl_llr_upper_bound(demand, trial, &slot->summary);
-        const float min_nats = rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
+        const float upper_bound = rl_llr_upper_bound(criteria, trial, &slot->summary);
+        const float min_nats =
+            rl_maxf(criteria->least, upper_bound - 2.0f * criteria->max_llr_deficit);
         const float least = min_of(min_nats, &slot->summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             soft[bit] = slot->soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
-        rl_codebook_best(codebook, &trial->energy, demand->smooth, soft, trial->seen, entry->shift,
-                         least * packets, best);
+        rl_codebook_best(codebook, &trial->energy, criteria->smooth, soft,
+                         trial->seen, entry->shift, least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
             const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
@@ -233,7 +234,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
                 .nats = nats_of(best[i].squared / packets, &slot->summary),
                 .id = codebook->id[best[i].index],
                 .transmission = {.bits = codebook->packet[best[i].index],
-                                 .repeats = demand->repeats,
+                                 .repeats = criteria->repeats,
                                  .start_s = start_of(trial) + begin * trial->bit_s,
                                  .bit_s = trial->bit_s},
             };
@@ -243,8 +244,8 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
     for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
         const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(slot, demand->smooth),
-            .repeats = demand->repeats,
+            .bits = best_bits(slot, criteria->smooth),
+            .repeats = criteria->repeats,
             .start_s = start_of(&slot->trial),
             .bit_s = slot->trial.bit_s,
         };

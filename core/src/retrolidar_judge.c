@@ -32,10 +32,10 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
                                          const struct rl_hit *hit, const struct rl_hits *hits,
                                          const struct rl_verdict *beside, double to_s)
 {
-    struct rl_demands demands = detector->settings.demands;
+    struct rl_thresholds thresholds = detector->settings.thresholds;
     struct rl_interference *interference = &detector->window.interference;
     if (hit->transmission.repeats && packets < detector->settings.max_packets) {
-        demands.margin = demands.margin_of_more;
+        thresholds.margin = thresholds.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s;
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
@@ -56,7 +56,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     struct rl_case judged = {
         .window = &detector->window,
         .codebook = &detector->search.codebook,
-        .demands = &demands,
+        .thresholds = &thresholds,
         .hits = hits,
         .consumed_until_s = detector->consumed_until_s[channel],
         .since_s = since_s,
@@ -122,8 +122,8 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
     hits->count = 0;
     hits->reference = RL_NO_REFERENCE;
     if (rest > RL_ACTIVE) {
-        rl_search_look(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
-                       2.0 * detector->max_llr_deficit, hits);
+        rl_search_channels(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
+                           2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, channel);
 }

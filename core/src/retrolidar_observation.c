@@ -157,7 +157,7 @@ void rl_observation_open(struct rl_case *judged)
     const struct rl_transmission found = verdict->transmission;
     open_target(judged, false);
     /* The marker is the target that the packet explains better. */
-    if (judged->window->column.is_parted) {
+    if (judged->window->column.has_two_targets) {
         const double evidence = verdict->evidence;
         verdict->transmission = found;
         open_target(judged, true);

@@ -21,8 +21,8 @@ static void search_less(struct rl_detector *detector, int reference, const int *
     if (count == 0) {
         return;
     }
-    rl_search_look(&detector->search, channels, count, packets, from_s, to_s, since_s,
-                   detector->max_llr_deficit, hits);
+    rl_search_channels(&detector->search, channels, count, packets, from_s, to_s, since_s,
+                       detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
         hits[i].reference = reference;
         if (hits[i].count > 0 && detector->pendings < RL_MAX_PENDING) {
@@ -203,7 +203,7 @@ static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
     const double min_bits =
-        rl_decide_min_bits(&detector->search.codebook, &detector->settings.demands);
+        rl_decide_min_bits(&detector->search.codebook, &detector->settings.thresholds);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
@@ -245,14 +245,14 @@ void rl_process_frame(struct rl_detector *detector)
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     const double to_s = samples->end_s[samples->count - 1];
-    const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
+    const double from_s = fmax(detector->searched_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
     int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = MAX_WORDS;
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
-    detector->looked_s = to_s;
+    detector->searched_s = to_s;
     note_active(detector, to_s);
     const double packet_bits = RL_PACKET_BITS * (1.0 - RL_MAX_SKEW) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {

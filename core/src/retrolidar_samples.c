@@ -183,7 +183,8 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
             continue;
         }
         /* A dark marker with nothing behind it returns no light. */
-        const bool nothing = meaning == RL_NOTHING || (meaning == RL_FAINT && !(s >= low_signal));
+        const bool nothing =
+            meaning == RL_NO_TARGET || (meaning == RL_LOW_SIGNAL && !(s >= low_signal));
         *valid = nothing && may_be_dark(samples, zone, time_s);
         *signal = nothing ? 0.0f : samples->last_signal[zone];
     }

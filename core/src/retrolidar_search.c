@@ -79,11 +79,11 @@ static void integrate_all(struct rl_search *search, const struct rl_trial *trial
 
 /* Try packets that end at one time, at all clocks, in all lanes or in those with words only. */
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
-                     const struct rl_demand *demand)
+                     const struct rl_criteria *criteria)
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
     const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
-    struct rl_trial trial = {.end_s = end_s, .packets = 1, .energy = demand->energy};
+    struct rl_trial trial = {.end_s = end_s, .packets = 1, .energy = criteria->energy};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
@@ -97,19 +97,20 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
                 }
                 rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
             }
-            rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane, shifts);
+            rl_shortlist_add(&search->shortlist[lane], criteria, &trial, &search->sums, lane,
+                             shifts);
         }
     }
 }
 
-static void look_at_ended(struct rl_search *search, int count, double from_s, double to_s,
-                          const struct rl_demand *demand)
+static void search_ended(struct rl_search *search, int count, double from_s, double to_s,
+                         const struct rl_criteria *criteria)
 {
     const double eighth_s = search->samples->bit_s / EIGHTHS;
     const double newest = floor(to_s / eighth_s);
     int back = 0;
     for (; (newest - back) * eighth_s > from_s; back++) {
-        try_ends(search, count, (newest - back) * eighth_s, true, 1, demand);
+        try_ends(search, count, (newest - back) * eighth_s, true, 1, criteria);
     }
     bool promising = false;
     for (int lane = 0; lane < count; lane++) {
@@ -120,26 +121,27 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     }
     /* Rivals of these: sequences of bits at any phase. */
     for (; back < EIGHTHS; back++) {
-        try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
+        try_ends(search, count, (newest - back) * eighth_s, false, 0, criteria);
     }
 }
 
 /* Try all starts of a stretch. */
-static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
-                         const struct rl_demand *demand)
+static void try_starts(struct rl_search *search, int lane, const struct stretch *stretch,
+                       const struct rl_criteria *criteria)
 {
     struct rl_trial trial = stretch->trial;
-    if (rl_llr_upper_bound(demand, &trial, &stretch->summary) < (float)RL_MOST * demand->least) {
+    if (rl_llr_upper_bound(criteria, &trial, &stretch->summary) <
+        (float)RL_MOST * criteria->least) {
         return;
     }
     rl_view_place_bit_edges(&search->view, &trial);
     rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
-    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane,
+    rl_shortlist_add(&search->shortlist[lane], criteria, &trial, &search->sums, lane,
                      RL_PACKET_BITS);
 }
 
-static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
-                              const struct rl_demand *demand)
+static void search_stretches(struct rl_search *search, int count, int packets, double to_s,
+                             const struct rl_criteria *criteria)
 {
     struct kept kept[RL_MAX_CHANNELS];
     const double bit_s = search->samples->bit_s;
@@ -155,7 +157,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
         for (int quarter = 0; quarter < RL_PHASES; quarter++) {
             struct rl_trial trial = {.packets = packets,
                                      .bit_s = bit_s * (1.0 + clock * skew),
-                                     .energy = demand->energy};
+                                     .energy = criteria->energy};
             trial.end_s = middle_s - quarter * bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_place_bit_edges(&search->view, &trial);
             integrate_all(search, &trial);
@@ -169,14 +171,14 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     }
     for (int lane = 0; lane < count; lane++) {
         for (int i = 0; i < kept[lane].count; i++) {
-            look_closely(search, lane, &kept[lane].stretch[i], demand);
+            try_starts(search, lane, &kept[lane].stretch[i], criteria);
         }
     }
 }
 
-void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double max_llr_deficit,
-                    struct rl_hits *hits)
+void rl_search_channels(struct rl_search *search, const int *channels, int count, int packets,
+                        double from_s, double to_s, double since_s, double max_llr_deficit,
+                        struct rl_hits *hits)
 {
     const double longest_bits =
         RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + RL_MAX_SKEW);
@@ -198,18 +200,19 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
             continue;
         }
         const double least = strong ? STRONG_SHARE * search->least : search->least;
-        const struct rl_demand demand = {(float)least, (float)max_llr_deficit, packets > 0,
+        const struct rl_criteria criteria = {(float)least, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, fmax(first_s, since_s), to_s, whitening->walk);
         if (packets > 0) {
-            look_at_stretches(search, lanes, packets, to_s, &demand);
+            search_stretches(search, lanes, packets, to_s, &criteria);
         } else {
-            look_at_ended(search, lanes, from_s, to_s, &demand);
+            search_ended(search, lanes, from_s, to_s, &criteria);
         }
         const int dropped = rl_shortlists_ration(search->shortlist, lanes, &search->words_left);
         search->dropped = search->dropped || dropped > 0;
         for (int lane = 0; lane < lanes; lane++) {
-            rl_hits_find(&hits[index[lane]], &search->shortlist[lane], &search->codebook, &demand);
+            rl_hits_find(&hits[index[lane]], &search->shortlist[lane], &search->codebook,
+                         &criteria);
         }
     }
 }

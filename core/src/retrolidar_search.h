@@ -58,7 +58,7 @@ struct rl_shortlist {
 };
 
 /* What a hit must fulfil. */
-struct rl_demand {
+struct rl_criteria {
     float least;             /* nats */
     float max_llr_deficit;   /* nats by which any sequence of bits may be better */
     bool repeats;            /* whether the window is any stretch of a repeating packet */
@@ -67,11 +67,11 @@ struct rl_demand {
 };
 
 /* Approximate log likelihood ratio of the best sequence of bits of a trial against noise [nats]. */
-float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
+float rl_llr_upper_bound(const struct rl_criteria *criteria, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary);
 
 /* Add a trial to a lane's shortlist, for packets that begin with one of the first `shifts` bits. */
-void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
+void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *criteria,
                       const struct rl_trial *trial, const struct rl_sums *sums, int lane,
                       int shifts);
 
@@ -82,7 +82,7 @@ int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left
 
 /* Search the words of a shortlist, and find the best sequences of bits if there is one. */
 void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
-                  const struct rl_codebook *codebook, const struct rl_demand *demand);
+                  const struct rl_codebook *codebook, const struct rl_criteria *criteria);
 
 /* A channel is strong if its variance over that of its noise is greater. */
 static const double RL_STRONG = 4.0;
@@ -117,8 +117,8 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  * since_s: earlier samples are left out, as the marker was not there yet
  * max_llr_deficit: nats by which any sequence of bits may be better
  */
-void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double max_llr_deficit,
-                    struct rl_hits *hits);
+void rl_search_channels(struct rl_search *search, const int *channels, int count, int packets,
+                        double from_s, double to_s, double since_s, double max_llr_deficit,
+                        struct rl_hits *hits);
 
 #endif

@@ -17,10 +17,10 @@ enum {
 
 /* What the status of a sample says. */
 enum {
-    RL_INVALID, /* nothing: an erasure */
-    RL_VALID,   /* signal and distance are valid */
-    RL_NOTHING, /* no target: a marker may be dark */
-    RL_FAINT,   /* signal too low: as no target if it is below `low_signal` */
+    RL_INVALID,    /* nothing: an erasure */
+    RL_VALID,      /* signal and distance are valid */
+    RL_NO_TARGET,  /* no target: a marker may be dark */
+    RL_LOW_SIGNAL, /* signal too low: as no target if it is below `low_signal` */
 };
 
 struct rl_sensor {

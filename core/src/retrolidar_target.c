@@ -143,7 +143,7 @@ static struct rl_column part(const struct rl_sensor *sensor, const float *distan
         seen[d > middle] += 1.0;
     }
     const struct rl_column changed = {signal, valid, widest >= bins.gap_m};
-    if (!changed.is_parted) {
+    if (!changed.has_two_targets) {
         return changed;
     }
     const int other = (sum[1] / seen[1] < sum[0] / seen[0]) != is_dimmer;
@@ -218,5 +218,5 @@ void rl_reference_erase(const struct rl_samples *samples, int zone, int first, i
         room->signal[row] = column->signal[row];
         room->valid[row] = column->valid[row] & valid[row];
     }
-    *column = (struct rl_column){room->signal, room->valid, column->is_parted};
+    *column = (struct rl_column){room->signal, room->valid, column->has_two_targets};
 }

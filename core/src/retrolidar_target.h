@@ -11,7 +11,7 @@
 struct rl_column {
     const float *signal;
     const uint8_t *valid;
-    bool is_parted; /* whether the zone reports two targets by turns */
+    bool has_two_targets; /* whether the zone reports two targets by turns */
 };
 
 /* Memory for the changed copy. */
