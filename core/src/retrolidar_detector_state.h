@@ -94,9 +94,8 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);
 
-/* Whether packets of an ID are held that overlap with a time. */
-bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
-                   double overlap_s);
+/* Whether packets of an ID were read that overlap with a time by more than a few bits. */
+bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s);
 
 /* The packets of an ID that a train follows by the same clock; NULL if none are held. */
 const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint16_t id,

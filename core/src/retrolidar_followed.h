@@ -39,7 +39,7 @@ struct rl_glance {
 double rl_presence_doubt(const struct rl_presence *presence);
 
 /* Return whether its light was seen. */
-int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance);
+bool rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance);
 
 enum { RL_MOTIONS = 4 };
 

@@ -6,13 +6,6 @@
 
 #include <math.h>
 
-/* Whether a packet of an ID has been read that overlaps with a time by more than a few bits. */
-static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
-{
-    return rl_pool_knows(&detector->pool, id, begin_s, end_s,
-                         RL_LOOK_BITS * detector->settings.bit_s);
-}
-
 static struct rl_packet_train train_of(const struct rl_verdict *verdict)
 {
     return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
@@ -97,8 +90,8 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
     }
     const struct rl_hit ended = last_ended(&verdict, to_s);
     const double start_s = ended.transmission.start_s;
-    return is_known(detector, ended.id, start_s,
-                    start_s + RL_PACKET_BITS * ended.transmission.bit_s)
+    return rl_is_known(detector, ended.id, start_s,
+                       start_s + RL_PACKET_BITS * ended.transmission.bit_s)
                ? verdict
                : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
 }
@@ -146,7 +139,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         detector->decisions_left -= 3;
         *other = decide(detector, channel, packets, hit, hits, one, to_s);
         if (other->evidence < detector->search.least || other->reason == RL_INCOMPLETE ||
-            is_known(detector, other->id, other->begin_s, other->end_s)) {
+            rl_is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
         search_without(detector, other, to_s, &again_hits);
@@ -155,7 +148,8 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         const struct rl_verdict again =
             decide(detector, channel, packets, &again_hits.hit[0], &again_hits, other, to_s);
-        if (again.reason != RL_READ || is_known(detector, again.id, again.begin_s, again.end_s)) {
+        if (again.reason != RL_READ ||
+            rl_is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
         *other = decide(detector, channel, packets, hit, hits, &again, to_s);
@@ -175,7 +169,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     const double begin_s = transmission->repeats ? fmax(to_s - lasting_s, pending->since_s)
                                                  : transmission->start_s;
     const double end_s = transmission->repeats ? to_s : begin_s + lasting_s;
-    if (is_known(detector, hit->id, begin_s, end_s)) {
+    if (rl_is_known(detector, hit->id, begin_s, end_s)) {
         return;
     }
     detector->counts.candidates++;

@@ -77,9 +77,10 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
     return track;
 }
 
-bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
-                   double overlap_s)
+bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
 {
+    const struct rl_pool *pool = &detector->pool;
+    const double overlap_s = RL_LOOK_BITS * detector->settings.bit_s;
     for (int i = 0; i < pool->count; i++) {
         const struct rl_active_track *track = &pool->track[i];
         if (track->id == id &&

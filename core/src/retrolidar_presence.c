@@ -102,7 +102,7 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
 }
 
 /* Whether the light is seen, by the sum of the evidence since it was seen last (Page 1954). */
-static int see(struct rl_presence *presence, const struct rl_glance *glance)
+static bool see(struct rl_presence *presence, const struct rl_glance *glance)
 {
     const double light = glance->light, off = glance->measured - light;
     const double variance = glance->variance + OFFSET * OFFSET + glance->edge_variance;
@@ -111,7 +111,7 @@ static int see(struct rl_presence *presence, const struct rl_glance *glance)
         presence->seen_nats = fmax(presence->seen_nats + fmin(nats, 2.0 * SEEN), 0.0);
     }
     if (presence->seen_nats < SEEN) {
-        return 0;
+        return false;
     }
     presence->seen_nats = 0.0;
     return light > BRIGHT_LIGHT;
@@ -122,9 +122,9 @@ double rl_presence_doubt(const struct rl_presence *presence)
     return 1.0 - presence->chance[SAME] - presence->chance[HIDDEN];
 }
 
-int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance)
+bool rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance)
 {
-    int seen = 0;
+    bool seen = false;
     change(presence->chance, glance);
     presence->unseen_bits +=
         glance->step_s / glance->bit_s * (glance->light > BRIGHT_LIGHT ? 1.0 : DARK_PART);

@@ -30,9 +30,6 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
                      struct rl_memory *memory)
 {
     search->samples = samples;
-    for (int which = 0; which < WALK_COUNT; which++) {
-        search->whitening[which].walk = WALKS[which];
-    }
     rl_view_start(&search->view, samples, memory);
 }
 
@@ -49,7 +46,7 @@ static void plan(struct rl_search *search)
     search->frames_a_bit = frames;
     for (int which = 0; which < WALK_COUNT; which++) {
         struct rl_whitening *whitening = &search->whitening[which];
-        const double q = (double)whitening->walk;
+        const double q = (double)WALKS[which];
         const double memory = 1.0 + q / 2 - sqrt(q + q * q / 4);
         const double height = (1.0 - memory) / (1.0 + memory);
         double alone = 0.0, pair = 0.0;
@@ -61,6 +58,7 @@ static void plan(struct rl_search *search)
             }
         }
         const double scale = height * frames * frames / (FINE * FINE);
+        whitening->walk = WALKS[which];
         whitening->energy.own = rl_maxf((float)frames - 0.5f, 0.25f);
         whitening->energy.adjacent = 0.125f;
         whitening->energy.smooth = (float)(scale * alone);

@@ -110,8 +110,10 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
     return passing > 0 && passing < PASSING * bins->all && passes <= MAX_PASSES ? nearer : 0.0f;
 }
 
-static struct rl_column part(const struct rl_sensor *sensor, const float *distance, int rows,
-                             struct rl_column held, bool is_dimmer, struct rl_room *room)
+/* Leave the marker's target only, if there are two or one that passes by. */
+static struct rl_column select_target(const struct rl_sensor *sensor, const float *distance,
+                                      int rows, struct rl_column held, bool is_dimmer,
+                                      struct rl_room *room)
 {
     struct bins bins = {.gap_m = (float)(sensor->separable_m - RL_UNSURE_M),
                         .steps_a_metre = (float)(FINE * BINS / sensor->max_distance_m)};
@@ -194,7 +196,7 @@ struct rl_column rl_target_column(const struct rl_samples *samples, int channel,
           (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;
     }
-    return part(&samples->sensor, samples->distance + at, rows, held, is_dimmer, room);
+    return select_target(&samples->sensor, samples->distance + at, rows, held, is_dimmer, room);
 }
 
 void rl_reference_light(const struct rl_samples *samples, int zone, int first, int rows,
