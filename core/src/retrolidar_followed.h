@@ -43,15 +43,15 @@ bool rl_presence_update(struct rl_presence *presence, const struct rl_glance *gl
 
 enum { RL_MOTIONS = 4 };
 
-/* A way in which a marker may move along the line of sight. */
+/* Range and range rate, with their covariance. */
 struct rl_motion {
-    double chance;
     double range_m, rate;                   /* [m], [m/s] */
     double variance, common, rate_variance; /* of the range, of both, of the rate */
 };
 
-/* Range and range rate of a marker. */
+/* Ways in which a marker may move along the line of sight, and their probabilities. */
 struct rl_range_filter {
+    double chance[RL_MOTIONS];
     struct rl_motion motion[RL_MOTIONS];
 };
 
@@ -59,10 +59,10 @@ void rl_range_start(struct rl_range_filter *filter, double range_m, double varia
 
 void rl_range_predict(struct rl_range_filter *filter, double step_s);
 
-/* Update with a measured range, of which a share shows the marker's and the rest is known. */
+/* Update with a measured range; share: its derivative with respect to the marker's range. */
 void rl_range_update(struct rl_range_filter *filter, double range_m, double variance, double share);
 
-/* The mean and the covariance of all motions, whose chance is 1. */
+/* The mean and the covariance over all motions. */
 struct rl_motion rl_range_estimate(const struct rl_range_filter *filter);
 
 /* What a zone sees of a marker: a level that wanders, and a gain of its light. */

@@ -37,15 +37,15 @@ void rl_range_start(struct rl_range_filter *filter, double range_m, double varia
 {
     for (int i = 0; i < RL_MOTIONS; i++) {
         const double rate = i == STILL ? REST_RATE : ANY_RATE;
-        filter->motion[i] =
-            (struct rl_motion){FIRST_CHANCE[i], range_m, 0.0, variance, 0.0, rate * rate};
+        filter->chance[i] = FIRST_CHANCE[i];
+        filter->motion[i] = (struct rl_motion){range_m, 0.0, variance, 0.0, rate * rate};
     }
 }
 
 /* Mean and covariance of motions with such weights, whose sum is `total`. */
 static struct rl_motion mixture(const struct rl_motion *motions, const double *weight, double total)
 {
-    struct rl_motion mean = {.chance = total};
+    struct rl_motion mean = {.range_m = 0.0};
     for (int i = 0; i < RL_MOTIONS; i++) {
         mean.range_m += weight[i] / total * motions[i].range_m;
         mean.rate += weight[i] / total * motions[i].rate;
@@ -108,9 +108,10 @@ void rl_range_predict(struct rl_range_filter *filter, double step_s)
             const double left = 1.0 - exp(-all * step_s);
             const double change = from == to ? 1.0 - left : left * RATE[from][to] / all;
             before[from] = begin(&filter->motion[from], from, to);
-            weight[from] = change * filter->motion[from].chance;
+            weight[from] = change * filter->chance[from];
             total += weight[from];
         }
+        after.chance[to] = total;
         after.motion[to] = mixture(before, weight, total);
         move(&after.motion[to], to, step_s);
     }
@@ -132,23 +133,19 @@ void rl_range_update(struct rl_range_filter *filter, double range_m, double vari
         one->common -= gain * share * one->common;
         one->variance = fmax(one->variance - gain * share * one->variance, MIN_VARIANCE);
         one->rate_variance = fmax(one->rate_variance, MIN_VARIANCE);
-        nats[i] = log(one->chance) - (innovation * innovation / spread + log(spread)) / 2.0;
+        nats[i] = log(filter->chance[i]) - (innovation * innovation / spread + log(spread)) / 2.0;
         most = fmax(most, nats[i]);
     }
     for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i].chance = fmax(exp(nats[i] - most), MIN_CHANCE);
-        total += filter->motion[i].chance;
+        filter->chance[i] = fmax(exp(nats[i] - most), MIN_CHANCE);
+        total += filter->chance[i];
     }
     for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i].chance /= total;
+        filter->chance[i] /= total;
     }
 }
 
 struct rl_motion rl_range_estimate(const struct rl_range_filter *filter)
 {
-    double weight[RL_MOTIONS];
-    for (int i = 0; i < RL_MOTIONS; i++) {
-        weight[i] = filter->motion[i].chance;
-    }
-    return mixture(filter->motion, weight, 1.0);
+    return mixture(filter->motion, filter->chance, 1.0);
 }
