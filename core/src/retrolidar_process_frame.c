@@ -75,14 +75,14 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
  * that they explain, and from sums of these. Return the zones; rest: the variance that is left in
  * each of their channels, over that of the noise.
  *
- * since_s: packets that ended earlier are not subtracted
+ * since_s: packets that ended more than RL_CONTINUES_BITS earlier are not subtracted
  */
 static uint64_t subtract_read(struct rl_detector *detector, double since_s, double to_s,
                               double *rest)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
-    /* Since then no whole packet can have come after the one that was read. */
+    /* A zone is searched until about three packets after its last reading. */
     const double over_s = to_s - (2 * RL_PACKET_BITS + RL_CONTINUES_BITS) * bit_s;
     uint64_t zones = rl_pool_zones(&detector->pool, over_s);
     for (int zone = 0; zone < samples->zones; zone++) {
