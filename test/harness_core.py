@@ -186,9 +186,9 @@ class Statistics:
 
         `wandering` is what it demands besides where the level wanders.
         """
-        demands = self.ffi.new('struct rl_demands *')
-        demands.evidence, demands.word, demands.margin = least, 1e6, -1e6
-        demands.wandering = wandering
+        thresholds = self.ffi.new('struct rl_thresholds *')
+        thresholds.evidence, thresholds.word, thresholds.margin = least, 1e6, -1e6
+        thresholds.wandering = wandering
         given = self.ffi.new('struct rl_hits *')
         given.count = len(hits)
         for hit, (number, sending) in zip(given.hit[0 : len(hits)], hits, strict=True):
@@ -196,7 +196,7 @@ class Statistics:
         first = given.hit[0]
         judged = self.case({'channel': source, 'packets': packets, 'id': first.id})
         judged.verdict.transmission = first.transmission
-        judged.demands, judged.hits, judged.to_s = demands, given, to_s
+        judged.thresholds, judged.hits, judged.to_s = thresholds, given, to_s
         judged.consumed_until_s = judged.since_s = -np.inf
         return self.lib.rl_decide(judged)
 

@@ -6,13 +6,13 @@
 #include <math.h>
 
 enum { AXES = 2 };
-/* A known blur is so to this share of it; a moving marker has some chance of another. */
+/* Relative deviation of a known blur; and the weight of any other one, as a marker may move. */
 static const double BLUR_DOUBT = 0.3, SMEARED = 1e-3;
 /* Possible blur of a spot, as standard deviations in widths of a zone: it differs with the lens and
  * the sharpener's setting, and a moving marker blurs its own spot.
  */
 static const double BLUR[RL_BLURS] = {0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35};
-/* Places that are tried, so many from each of these to the next; denser near edges of the zone. */
+/* Number of places in each stretch, denser near edges of the zone, and the limits of these. */
 enum { STRETCHES = 5 };
 static const int PLACES[STRETCHES] = {5, 50, 40, 50, 5};
 static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
@@ -20,10 +20,10 @@ static const double FROM[STRETCHES + 1] = {-0.7, -0.6, -0.4, 0.4, 0.6, 0.7};
 static const double MODEL_ERROR = 0.02;
 static const double MIN_DOUBT = 1e-6; /* [kcps/SPAD] */
 static const double SQRT_2 = 1.4142135623730951;
-/* Places that are less likely than the likeliest by more have no part [nats]. */
+/* Places that are less likely than the likeliest by more are left out [nats]. */
 static const double HOPELESS = 40.0;
 
-/* Share out the light of a point among zones in a row: a larger marker is like another blur. */
+/* Tabulate the shares of a point in the zones of a row; a larger marker is as a larger blur. */
 static void share_out(struct rl_bearing_table *table)
 {
     for (int blur = 0; blur < RL_BLURS; blur++) {
@@ -71,7 +71,7 @@ static void believe(const struct rl_bearing_table *table, const double light[RL_
                 common += share[i] * light[i] * precision[i];
                 energy += share[i] * share[i] * precision[i];
             }
-            /* The strength that fits best is taken for each place. */
+            /* The amplitude that fits best is taken for each place. */
             belief[blur][place] = common > 0.0 ? common * common / energy / 2 : 0.0;
             most = fmax(most, belief[blur][place]);
         }
@@ -90,7 +90,7 @@ static double prior_of(double blur, double known)
         const double off = log(blur / known) / BLUR_DOUBT;
         return exp(-off * off / 2) + SMEARED;
     }
-    /* The less blur, the fewer bearings between zones, which would else speak for a large one. */
+    /* With less blur fewer places light two zones; without this prior a large blur would win. */
     return 1.0 / sqrt(blur);
 }
 

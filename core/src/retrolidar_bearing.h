@@ -1,11 +1,11 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Direction of a marker within a zone, from how its light is shared with the zones around.
+/* Direction of a marker within a zone, from the shares of its light in the zones around.
  *
- * Only light that is modulated as the marker's counts, so the background cancels. A spot is mostly
- * smaller than a zone: shares say much near edges and little in the middle. So the result is the
- * mean and the variance of all bearings that agree with the shares.
+ * Only light that is modulated by the marker's bits counts, so the background cancels. A spot is
+ * mostly smaller than a zone: shares say much near edges and little in the middle. So the result is
+ * the mean and the variance of all bearings, weighted by likelihood.
  */
 #ifndef RETROLIDAR_BEARING_H
 #define RETROLIDAR_BEARING_H
@@ -17,7 +17,7 @@ enum { RL_PLACES = 151, RL_BLURS = 7, RL_NEAR = 3 };
 
 /* What does not depend on what was seen. */
 struct rl_bearing_table {
-    double place[RL_PLACES]; /* that are tried, from the middle of a zone [widths of a zone] */
+    double place[RL_PLACES]; /* candidates, from the middle of a zone [widths of a zone] */
     double prior[RL_PLACES];
     double share[RL_BLURS][RL_PLACES][RL_NEAR]; /* of the light, in zones in a row */
 };

@@ -1,9 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The bits of a window: what each does for the likelihood, and whether other sequences of bits, of
- * a word or not, are better than a packet.
- */
+/* The word test: whether flipped bits, or other sequences of bits, are likelier than a packet. */
 #include "retrolidar_decide.h"
 
 #include <math.h>
@@ -38,13 +36,13 @@ void rl_bits_flip(struct rl_case *judged, int split, bool later)
     struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
     const double split_s = window->begin_s[split];
-    float second = 0.0f; /* what the packet's second bit does, which is dark */
+    float second = 0.0f; /* of the packet's second bit, which is dark */
     for (int bit = bits->count - 1; bit >= 0; bit--) {
         const double middle_s = bits->begin_s + (bit + 0.5) * transmission->bit_s;
         if (split > 0 && (middle_s < split_s) == later) {
             bits->flipped[bit] = 0.0f;
         } else if (bit < bits->silent) {
-            /* What a dark bit there would do is not tried: about as much as in the packet. */
+            /* A dark bit in the silence is not tried: it changes about as much as in the packet. */
             bits->flipped[bit] = second;
         } else {
             const int of = rl_bit_of(bits->first + bit - bits->silent);
@@ -70,7 +68,7 @@ double rl_word_sequence(const struct rl_case *judged)
 double rl_word_flip_bits(struct rl_case *judged)
 {
     const struct rl_bits *bits = &judged->bits;
-    const double enough = 3.0 * judged->demands->word;
+    const double enough = 3.0 * judged->thresholds->word;
     struct rl_transmission best = judged->verdict.transmission;
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
@@ -106,7 +104,7 @@ double rl_word_packets(const struct rl_case *judged)
 {
     struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
-    const double enough = 2.0 * judged->demands->word;
+    const double enough = 2.0 * judged->thresholds->word;
     const double bit_s = transmission->bit_s, packet_s = RL_PACKET_BITS * bit_s;
     const double first = floor((window->begin_s[0] - transmission->start_s) / packet_s);
     const double newest_s = window->begin_s[window->rows - 1];

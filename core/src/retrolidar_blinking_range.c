@@ -1,20 +1,20 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Distance of what blinks, of all that is merged in a zone.
+/* Distance of the light that blinks, among all that is merged in a zone.
  *
- * A target too near to the marker to be separated merges with it, and the distance reported is the
- * mean of both, weighted by signal. So signal times distance is a sum, of which the marker's part
- * is modulated, the background's is not, and that of another marker is modulated by its own bits:
- * the modulation of signal times distance over that of the signal is the distance of the marker
- * alone, both by least squares with the light of the other markers as further columns.
+ * A target too near to the marker to be separated merges with it, and the sensor reports the mean
+ * of both distances, weighted by signal. So signal times distance is a sum. The marker's part of it
+ * is modulated by its bits, the background's is constant, another marker's is modulated by other
+ * bits. The distance of the marker alone is the modulation of that sum over the modulation of the
+ * signal. Both are fitted by least squares, with the light of the other markers as further columns.
  */
 #include "retrolidar_ranging.h"
 
 #include <math.h>
 #include <string.h>
 
-static const double NO_BLINKING = 1e-9; /* of light that blinks at all */
+static const double NO_BLINKING = 1e-9; /* least energy of light that blinks */
 
 /* Signal times distance from a depth. */
 static double product_of(const struct rl_seen *seen, int row, double from_m)
@@ -23,7 +23,7 @@ static double product_of(const struct rl_seen *seen, int row, double from_m)
     return isfinite(distance) ? (double)seen->signal[row] * (distance - from_m) : 0.0;
 }
 
-/* Subtract the mean of the samples in use from light, and set it to 0 in all others. */
+/* Subtract the mean of the samples that have a role from light, and set all others to 0. */
 static void centre(const uint8_t *role, int rows, double *light)
 {
     double mean = 0.0, count = 1e-9;
@@ -45,7 +45,7 @@ static double product(const double *a, const double *b, int rows)
     return sum;
 }
 
-/* Subtract from a column what of it follows the light of another marker. */
+/* Subtract the projection on the light of another marker from a column. */
 static void subtract(const double *other, int rows, double *column)
 {
     const double energy = fmax(product(other, other, rows), NO_BLINKING);
@@ -113,10 +113,10 @@ bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double a
     }
     gain /= energy;
     *others = share_of_others(seen, role, gain);
-    /* Distances count from the marker, so that noise of the signal moves nothing; the second time
-     * they do, and what is left over says how sure the result is.
+    /* Distances are taken from the marker, so that noise of the signal does not count. The first
+     * round finds about where it is; the residual of the second gives the variance.
      */
-    for (int turn = 0; turn < 2; turn++) {
+    for (int round = 0; round < 2; round++) {
         from_m = about_m;
         slope = mean = 0.0;
         for (int row = 0; row < rows; row++) {

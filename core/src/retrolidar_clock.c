@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Whether what blinks keeps the clock of our packets, or another one that looks like it. */
+/* Whether the light blinks at our bit period, or at another one that looks like it. */
 #include "retrolidar_decide.h"
 
 #include <math.h>
@@ -14,23 +14,23 @@ static const double MIN_RATIO = 0.5, MAX_RATIO = 4.0;
 static const double STEP = 1.0 + 2.0 / (RL_PHASES * RL_PACKET_BITS);
 static const double MAX_CORRELATION = 0.999;
 
-/* What a bit more than there are in a packet must explain: noise, too, is explained by more bits;
- * with more, clocks that are off by a tenth are read as other IDs [nats].
+/* What each bit more than ours must explain, as more bits also fit noise. If it were more, clocks
+ * that are off by a tenth would be read as other IDs [nats].
  */
 static const double COST_OF_BIT = 1.5;
 
-/* Where bits begin, and how long they are. */
+/* A clock: when bits begin, and how long they are. */
 struct clock {
     double begin_s, bit_s;
     int bits;
     double cost; /* about, less the log likelihood [nats] */
 };
 
-/* A window, the middle of its levels of dark and bright, and half of the step between them. */
+/* A window, the mean of its dark and its bright level, and half of the step between them. */
 struct slicer {
     struct rl_window *window;
     float middle, half;
-    float beyond[MAX_BITS]; /* of the samples of each bit, over the middle level */
+    float beyond[MAX_BITS]; /* sum over the samples of each bit, less the middle level */
 };
 
 /* Of the packet that was tried last. */
@@ -48,7 +48,7 @@ static struct slicer slicer_of(struct rl_window *window)
     return (struct slicer){window, (level[0] + level[1]) / 2, (level[1] - level[0]) / 2, {0.0f}};
 }
 
-/* Sort the samples into the bits of a clock, each of which has the level that it is nearer to. */
+/* Sort the samples into the bits of a clock, and give each bit the nearer level. */
 static void slice(struct slicer *slicer, struct clock *clock)
 {
     const struct rl_window *window = slicer->window;
@@ -108,7 +108,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
         best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
     }
     for (double ratio = MIN_RATIO; ratio <= MAX_RATIO; ratio *= STEP) {
-        /* Those about ours are ours. */
+        /* Periods near ours are ours. */
         for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > 1.5 * RL_MAX_SKEW; phase++) {
             struct clock clock = {.bit_s = ratio * usual_s};
             clock.begin_s = begin_s - phase * clock.bit_s / RL_PHASES;
@@ -131,7 +131,7 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
     return excess;
 }
 
-/* Log likelihood of a signal that repeats itself, from its correlation with itself a lag before. */
+/* Log likelihood ratio of a signal that repeats after a lag, from its autocorrelation. */
 static double repeats(const float *signal, int rows, int lag)
 {
     float cross = 0.0f, power = 1e-9f;

@@ -10,8 +10,8 @@
 /* A word as bytes, of which the last may have spare bits. */
 enum { WORD_BYTES = (RL_WORD_BITS + 7) / 8, SPARE_BITS = 8 * WORD_BYTES - RL_WORD_BITS };
 
-/* Share of the energy that whitening leaves at the least: by the formula, it would leave less than
- * nothing of some packets whose bits last as long as a frame, or of which a part is seen.
+/* Least share of the energy that whitening leaves. The formula would leave a negative energy of
+ * some packets whose bits last as long as a frame, or of which only a part is seen.
  */
 static const float MIN_ENERGY = 0.05f;
 
@@ -96,7 +96,7 @@ void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_ener
     }
 }
 
-/* Energy of dark bits and pairs of them, of which whitening takes some off. */
+/* Energy of dark bits and pairs of them, less what whitening removes. */
 static inline float energy_left(const struct rl_energy *energy, float dark, float pairs,
                                 float taken)
 {
@@ -125,7 +125,7 @@ static void tabulate(const float *weight, float table[WORD_BYTES][256])
     }
 }
 
-/* The sum of weights over the dark bits of a word, of which that is the sum over the first byte. */
+/* The sum of weights over the dark bits of a word; sum: over the first byte. */
 static inline float sum_of(float sum, uint32_t packet, const float table[WORD_BYTES][256])
 {
     for (int byte = 1; byte < WORD_BYTES; byte++) {
@@ -134,7 +134,7 @@ static inline float sum_of(float sum, uint32_t packet, const float table[WORD_BY
     return sum;
 }
 
-/* The least energy of a group: what is beyond that of reference, all bits may have or none. */
+/* A bound of the least energy of a group, from that at the tabulated energies of bits. */
 static float min_power(const struct rl_energy *energy, const struct rl_smooth *smooth,
                        const struct rl_group *group, float least)
 {

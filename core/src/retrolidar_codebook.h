@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The packets that may come, and which of them explains soft bits best. */
+/* All packets that may be sent, and which of them fit soft bits best. */
 #ifndef RETROLIDAR_CODEBOOK_H
 #define RETROLIDAR_CODEBOOK_H
 
@@ -11,19 +11,19 @@ enum { RL_GROUPS = 256 };
 
 /* Energy of a sum of bits, taken as stationary:
  *     own n_1 + 2 adjacent n_11 - smooth n_1 - sum over lags of pair decay^(lag - 1) n_lag
- * where n_1 counts dark bits and n_lag pairs of them that far apart. The first two are of the light
- * that falls in each exposure, the others of what whitening takes off it.
+ * where n_1 counts dark bits, and n_lag pairs of them at that lag. The first two terms are the
+ * energy of the light in the exposures; the others are what whitening removes.
  */
 struct rl_energy {
     float own, adjacent;
     float smooth, pair, decay; /* pairs counted in both orders */
 };
 
-/* Packets whose words begin with the same byte, and bounds of their energies. */
+/* Packets whose words begin with the same byte. */
 struct rl_group {
     int first, count;
     uint8_t high;      /* that byte */
-    float dark, pairs; /* least of all */
+    float dark, pairs; /* the least of n_1 and 2 n_11 */
 };
 
 struct rl_codebook {
@@ -35,25 +35,25 @@ struct rl_codebook {
     struct rl_group group[RL_GROUPS];
 };
 
-/* What whitening takes off the energy of each word; the least energy in each group, at the energies
- * of bits that are of reference; and what whitening takes off the bits of each byte by themselves,
- * with what the bytes before it leave, and what it leaves itself.
+/* Energy that whitening removes, tabulated. `word`: of each packet. `group`: least energy left in
+ * each group, at the energies `own` and `adjacent`. `alone`: of the bits of a byte; `after`: factor
+ * of what the bytes before it left over; `left`: what the byte leaves over for the next ones.
  */
 struct rl_smooth {
     float word[RL_IDS];
     float own, adjacent, group[RL_GROUPS];
     float alone[256], after[256], left[256];
-    float decay; /* of what is left, a byte later */
+    float decay; /* of what is left over, per byte */
 };
 
-/* Take IDs, rising and usable ones only; all usable ones if there are none. */
+/* Take the usable ones of some IDs, which rise; all usable IDs if there are none. */
 void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int count);
 
-/* Tabulate what whitening takes off the energy of bytes and packets; the energy is of reference. */
+/* Tabulate the energy that whitening removes from bytes and packets. */
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
                         struct rl_smooth *smooth);
 
-/* Energy of dark bits, in the order in which they are sent. */
+/* Energy of dark bits, given as a mask in the order in which they are sent. */
 float rl_energy_of(const struct rl_energy *energy, const struct rl_smooth *smooth, uint32_t bits);
 
 struct rl_word {

@@ -8,37 +8,37 @@
 #include "retrolidar_packet.h"
 
 enum {
-    RL_LANES = 16,    /* channels whose arithmetic is done side by side */
-    RL_PHASES = 4,    /* of a bit, at which starts are tried */
-    RL_TRIED = 3,     /* the likeliest of many, which are tried exactly, and rounds of trying */
+    RL_LANES = 16,    /* channels that are computed at once, as a vector */
+    RL_PHASES = 4,    /* starts that are tried in each bit */
+    RL_TRIED = 3,     /* best candidates that are tried exactly, and rounds of a refinement */
     RL_LOOK_BITS = 4, /* between two searches of a stretch; fewer bits tell nothing */
-    /* Parts of a packet, between which a marker may come or go. */
+    /* Parts of a packet: a marker may appear or vanish between two. */
     RL_PARTS = (RL_PACKET_BITS + RL_LOOK_BITS - 1) / RL_LOOK_BITS,
-    /* So long after a reading a marker may have sent the next one. */
+    /* After a reading a marker may have sent the next packet within this time. */
     RL_CONTINUES_BITS = RL_PACKET_BITS + RL_LOOK_BITS / 2,
 };
 
-/* Bits by which a packet may begin before the one before it has ended. */
+/* Bits by which two packets that follow each other may overlap. */
 static const double RL_OVERLAP_BITS = 1.5;
-/* By how much clocks may be off: three deviations of a microcontroller's oscillator, of 1 %. */
+/* Largest relative error of a marker's clock: three deviations of an oscillator of 1 %. */
 static const double RL_MAX_SKEW = 0.03;
-/* A parameter more must explain half the logarithm of the number of samples [nats]. */
+/* A further parameter must explain half the logarithm of the number of samples [nats]. */
 static const double RL_COST_OF_GAIN = 2.0;
-/* What happens at a time that is chosen among some must explain this [nats]. */
+/* An event at an unknown time must explain this [nats]. */
 static const double RL_COST_OF_CHANCE = 6.0;
-/* Nobody asks for a greater margin, so greater ones need not be known exactly [nats]. */
+/* No threshold of the margin is higher, so larger margins are not computed exactly [nats]. */
 static const double RL_MAX_MARGIN = 30.0;
-/* Hypotheses that differ by less are as good [nats]. */
+/* Hypotheses that differ by less count as equal [nats]. */
 static const double RL_AS_GOOD = 1.0;
-/* Share that is most of something: of evidence on coarse templates, or of what others hide. */
+/* Share that counts as most: of the evidence, or of the variance of a zone. */
 static const double RL_MOST = 0.7;
-/* A zone has seen a packet if it has seen this share of what the strongest zone has. */
+/* A zone has seen a packet if it has this share of the strongest zone's light. */
 static const double RL_MIN_PART = 0.1;
-/* What is this many deviations from nothing is no chance. */
+/* A value is significant if it is this many standard deviations from zero. */
 static const double RL_MIN_SEEN = 3.0;
-/* So near to the distance from which the sensor parts targets it may or may not. */
+/* So near to `separable_m`, the sensor may separate two targets or merge them. */
 static const double RL_UNSURE_M = 0.05;
-/* Samples with more light show the marker; with less than 1 - RL_BRIGHT, the background. */
+/* A sample with more light shows the marker; with less than 1 - RL_BRIGHT, the background. */
 static const double RL_BRIGHT = 0.75;
 
 #endif

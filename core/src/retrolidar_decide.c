@@ -6,17 +6,17 @@
 #include <math.h>
 
 enum {
-    MIN_WALK = 3, /* walk from which on what a packet leaves over is more than noise */
+    MIN_WALK = 3, /* index of q from which on the level wanders */
 };
 
-/* Share of the evidence of a packet that has repeated that there must be with the bits before. */
+/* A packet that has repeated keeps this share of its evidence if the bits before are added. */
 static const double MIN_LONGER = 0.9;
-/* Share of the evidence in demand that one channel must have by itself. */
+/* A candidate with less than this share of the threshold is rejected at once. */
 static const double MIN_ALONE = 0.4;
-/* A refined clock may be off by more than one that is searched: by half a phase over a packet. */
+/* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
-/* Whether what was taken for some of many packets may as well be a lone one, ended or not. */
+/* Whether a lone packet, ended or not, explains the window as well as one that repeats. */
 static bool may_be_lone(const struct rl_case *judged)
 {
     const struct rl_transmission *transmission = &judged->verdict.transmission;
@@ -31,11 +31,11 @@ static bool may_be_lone(const struct rl_case *judged)
     return false;
 }
 
-/* Whether the samples before a stretch speak for a packet that repeats, as those in it do. A lone
- * packet whose end has not come yet may look like another one that repeats.
+/* Whether the samples before a stretch, too, speak for a packet that repeats. A lone packet that
+ * has not ended yet may look like another one that repeats.
  *
- * begin_s: of the stretch, as the window was opened; it is opened so again, as likelihoods of other
- *     samples cannot be compared
+ * begin_s: of the stretch; the window is opened again there, as likelihoods of other samples cannot
+ *     be compared
  */
 static bool has_repeated(const struct rl_case *judged, double begin_s)
 {
@@ -57,7 +57,7 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }
 
-/* Evidence that a packet of few changes needs besides, as what moves in steps may look like it. */
+/* Additional evidence for a packet of few changes, as an object that moves may look like it. */
 static double cost_of_changes(uint32_t bits)
 {
     int changes = 0;
@@ -80,7 +80,7 @@ static int open(struct rl_case *judged)
     window->max_bit_s = usual_s * (1.0 + RL_MAX_SKEW + SKEW_SLACK);
     const double begin_s = judged->to_s - RL_PACKET_BITS * transmission->bit_s;
     rl_observation_open(judged);
-    if (verdict->evidence < MIN_ALONE * judged->demands->evidence) {
+    if (verdict->evidence < MIN_ALONE * judged->thresholds->evidence) {
         return RL_EVIDENCE;
     }
     if ((!transmission->repeats &&
@@ -111,31 +111,32 @@ static bool is_evident(struct rl_case *judged)
     verdict->evidence = judged->own - window->whitened.null;
     verdict->fit = window->fit;
     return verdict->evidence >=
-           judged->demands->evidence + cost_of_changes(verdict->transmission.bits) +
+           judged->thresholds->evidence + cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-               (window->fit.walk >= MIN_WALK ? judged->demands->wandering : 0.0);
+               (window->fit.walk >= MIN_WALK ? judged->thresholds->wandering : 0.0);
 }
 
-/* What a bit of what has appeared costs that is not known. It is judged with each bit again. */
+/* Price of an unknown bit if the marker has just appeared, as it is judged with each bit again. */
 static double price_of_new_bit(void)
 {
     return 2.0 * log(2.0);
 }
 
-/* Bits that need not be known to tell the IDs in use apart. */
+/* Bits of an ID that are not needed to tell the registered ones apart. */
 static double spare_bits(const struct rl_codebook *codebook)
 {
     return RL_ID_BITS - log2(codebook->words);
 }
 
 /* The crystal is slow, so the first of them tells of the one before. */
-double rl_decide_min_bits(const struct rl_codebook *codebook, const struct rl_demands *demands)
+double rl_decide_min_bits(const struct rl_codebook *codebook,
+                          const struct rl_thresholds *thresholds)
 {
-    const double unknown = spare_bits(codebook) + demands->word / price_of_new_bit();
+    const double unknown = spare_bits(codebook) + thresholds->word / price_of_new_bit();
     return fmax(RL_PACKET_BITS - 1 - unknown, RL_LOOK_BITS);
 }
 
-/* Of the first bits of the packet, how many may as well be flipped, about. */
+/* About how many of the first bits are unknown: flipped, they explain as much. */
 static double unknown_bits(const struct rl_bits *bits, int count)
 {
     double unknown = 0.0;
@@ -146,12 +147,11 @@ static double unknown_bits(const struct rl_bits *bits, int count)
     return unknown;
 }
 
-/* By how much another sequence may be better, or may have been in the packet before it together
- * with this one: what explains both a little better is what is sent. Any sequence looks like a word
- * if enough of its bits are unknown: a bit less of a word's redundancy is a bit more of chance, or
- * two where something has appeared, as that is judged with each bit again. With few registered IDs
- * more may be unknown, and any of a packet that was expected. None is a packet of which most of the
- * preamble is unknown.
+/* The threshold of the word statistic. The statistic of the packet before counts, too: bits that
+ * explain both packets a little better are what is sent. If enough bits are unknown, any sequence
+ * looks like a word, so each lowers the threshold; by twice as much if the marker has just
+ * appeared, as it is judged with each bit again. With few registered IDs, or if the packet was
+ * expected, more bits may be unknown. Half of the preamble must be known.
  */
 static double max_word_of(const struct rl_case *judged)
 {
@@ -161,16 +161,14 @@ static double max_word_of(const struct rl_case *judged)
     const double price = judged->is_new ? price_of_new_bit() : log(2.0);
     return 2.0 * preamble > RL_PREAMBLE_BITS
                ? -INFINITY
-               : judged->demands->word - judged->word_before - price * fmax(unknown, 0.0);
+               : judged->thresholds->word - judged->word_before - price * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct rl_case *judged)
 {
     struct rl_verdict *verdict = &judged->verdict;
     const struct rl_transmission *transmission = &verdict->transmission;
-    /* A refined start may be later than the begin of the window. */
-    const double since_bits = (judged->to_s - transmission->start_s) / transmission->bit_s -
-                              RL_PACKET_BITS * (verdict->packets - 1);
+    const double since_bits = (judged->to_s - transmission->start_s) / transmission->bit_s;
     const int begin = transmission->repeats ? rl_bit_of((int)floor(since_bits + 0.5)) : 0;
     judged->bits = rl_bits_cut(transmission, begin, judged->silent_bits);
     verdict->word = rl_word_flip_bits(judged);
@@ -189,8 +187,8 @@ static bool is_word(struct rl_case *judged)
     return verdict->word <= max_word_of(judged);
 }
 
-/* By how much a packet in a sum of zones must be likelier besides: several markers together may
- * look like another one, the sooner the more they leave over.
+/* Additional margin in a sum of zones: several markers together may look like another one, more so
+ * the more variance the packet leaves.
  */
 static double price_of_sum(const struct rl_case *judged)
 {
@@ -200,15 +198,15 @@ static double price_of_sum(const struct rl_case *judged)
     return is_sum && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
-/* How much likelier the packet is than what else may have been sent, less what its gain and a sum
- * of zones cost. Two packets that look like this one do so in each zone.
+/* The decision margin, less the prices of a changing gain and of a sum of zones. Two packets that
+ * look like this one do so in each zone, so they have no price of a sum.
  */
 static double margin_of(struct rl_case *judged)
 {
     const double price = price_of_sum(judged);
     double margin = rl_rivals_margin(judged) - price;
-    /* A marker whose packets are known goes on sending them more likely than it does this. */
-    if (margin >= judged->demands->margin && judged->verdict.packets == 1 && !judged->follows) {
+    /* A known marker more likely continues than does this. */
+    if (margin >= judged->thresholds->margin && judged->verdict.packets == 1 && !judged->follows) {
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
         margin = fmin(margin, rl_rivals_successive_margin(judged));
     }
@@ -232,7 +230,7 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     }
     verdict->reason = RL_MARGIN;
     verdict->margin = margin_of(judged);
-    if (verdict->margin < judged->demands->margin) {
+    if (verdict->margin < judged->thresholds->margin) {
         return *verdict;
     }
     judged->window->has_profile = false;
@@ -241,6 +239,6 @@ struct rl_verdict rl_decide(struct rl_case *judged)
         verdict->packets == 1 ? rl_clock_excess(judged->window, &verdict->transmission, steady)
                               : rl_clock_period_excess(judged->window, &verdict->transmission);
     verdict->word = fmax(verdict->word, other);
-    verdict->reason = other > judged->demands->word ? RL_NOT_A_WORD : RL_READ;
+    verdict->reason = other > judged->thresholds->word ? RL_NOT_A_WORD : RL_READ;
     return *verdict;
 }

@@ -26,7 +26,7 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
 {
     rl_samples_clear(&detector->samples, stamp_ns);
     detector->pool.count = 0;
-    detector->looked_s = -INFINITY;
+    detector->searched_s = -INFINITY;
     detector->read_anew = 0;
     detector->search.frames_a_bit = 0.0;
     for (int zone = 0; zone < RL_MAX_ZONES; zone++) {
@@ -55,9 +55,9 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     memory.taken = 0;
     start(detector, &memory);
     detector->memory = memory.block;
-    detector->search.least = RL_MOST * settings->demands.evidence;
+    detector->search.least = RL_MOST * settings->thresholds.evidence;
     /* On coarse templates others may be better by some more. */
-    detector->max_llr_deficit = RL_COST_OF_CHANCE + settings->demands.word;
+    detector->max_llr_deficit = RL_COST_OF_CHANCE + settings->thresholds.word;
     rl_codebook_start(&detector->search.codebook, ids, count);
     rl_bearing_start(&detector->bearing);
     restart(detector, 0);

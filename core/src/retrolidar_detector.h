@@ -17,29 +17,29 @@ enum { RL_MAX_READ = 16 };
 
 struct rl_settings {
     struct rl_sensor sensor;
-    int32_t max_packets; /* that may be combined, 1 to 8 */
-    int32_t kept;        /* rows of samples that are held */
+    int32_t max_packets; /* to be combined, 1 to 8 */
+    int32_t kept;        /* newest rows of samples that are held */
     double bit_s;        /* how long markers hold a bit [s] */
-    struct rl_demands demands;
+    struct rl_thresholds thresholds;
 };
 
 /* When and where a marker is. */
 struct rl_placement {
     double range_m, range_variance; /* radial */
-    double time_s;             /* when it holds: the mean time of the samples that it is made of */
+    double time_s;             /* mean time of the samples used */
     int64_t end_ns;            /* stamp of the last frame used */
     struct rl_bearing bearing; /* from the middle of the strongest zone */
-    double amplitude, noise;   /* in that zone: by how much the signal rises with the light
-                                * [kcps/SPAD], and the variance of what the packet leaves over */
+    double amplitude, noise;   /* in that zone: gain of the light [kcps/SPAD], and variance of the
+                                * residual */
     double score;              /* correlation of its samples with the light of the packet, 0 to 1 */
     double likelihood;         /* the paper's l of the first whole preamble */
-    int32_t corrected_bits; /* of the last packet, which a receiver would take for the other ones */
+    int32_t corrected_bits; /* of the last packet: those whose mean is on the wrong side */
     int32_t zones;
     int32_t zone[RL_MAX_READ]; /* that saw it, strongest first */
 };
 
-/* A packet that was read: as it was judged, but from when on samples are held, and with the start
- * of the packet that the window holds the most of.
+/* A packet that was read. The verdict begins where samples are held, and its start is that of the
+ * packet of which the window holds most.
  */
 struct rl_reading {
     struct rl_verdict verdict;
@@ -49,7 +49,7 @@ struct rl_reading {
     struct rl_placement placement;
 };
 
-/* What was read with the frame that was taken last, and what was judged, read or not. */
+/* Readings of the newest frame, and all candidates that were judged with it. */
 struct rl_newest {
     int64_t origin_ns; /* from which times count */
     int32_t readings, candidates;
@@ -59,7 +59,7 @@ struct rl_newest {
 
 struct rl_detector;
 
-/* Memory is taken here and never after; NULL if there is none, or the settings cannot be. */
+/* All memory is allocated here; NULL if there is none. The settings are not checked. */
 struct rl_detector *rl_detector_create(const struct rl_settings *settings, const uint16_t *ids,
                                        int32_t count);
 void rl_detector_destroy(struct rl_detector *detector);

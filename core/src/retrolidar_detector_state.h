@@ -10,14 +10,14 @@
 #include "retrolidar_search.h"
 
 enum {
-    RL_POOL = 64,      /* markers that are remembered */
-    RL_READINGS = 32,  /* that one frame may bring */
-    RL_DECISIONS = 12, /* candidates that are judged with one frame, at the most */
+    RL_POOL = 64,      /* active tracks that are held */
+    RL_READINGS = 32,  /* per frame, at most */
+    RL_DECISIONS = 12, /* candidates that are judged per frame, at most */
     RL_MAX_PENDING = 5 * RL_MAX_CHANNELS + 15 * RL_MAX_ZONES, /* all of a frame */
-    /* That a search for one packet may look back. */
+    /* A search for one packet reads so many of the newest bits. */
     RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
-/* A channel that varies by less than so many times its noise holds no packet by itself. */
+/* A channel whose variance is less than so many times its noise's holds no packet by itself. */
 static const double RL_ACTIVE = 1.5;
 
 /* A marker of which packets were read lately. */
@@ -25,8 +25,8 @@ struct rl_active_track {
     uint16_t id;
     struct rl_packet_train train;
     double word;          /* statistic of the last packet that was read */
-    int zone;             /* that saw it best */
-    uint64_t zones, near; /* bit masks: those that saw it, and all of them and around them */
+    int zone;             /* the strongest one */
+    uint64_t zones, near; /* bit masks: zones that saw it, and these with those beside them */
 };
 
 struct rl_pool {
@@ -34,12 +34,12 @@ struct rl_pool {
     struct rl_active_track track[RL_POOL];
 };
 
-/* Room to subtract packets from samples, and to put these back. */
+/* Memory to subtract packets from samples, and to restore these. */
 struct rl_residual {
     struct rl_samples *samples;
     struct rl_room room;
-    double *light[2], *part; /* of a marker that has ended, and that goes on */
-    float *saved; /* signals of each channel before */
+    double *light[2], *part; /* of a marker that has stopped, and that continues */
+    float *saved; /* signals of each channel, before packets were subtracted */
     int first;    /* row from which they were saved */
 };
 
@@ -64,12 +64,12 @@ struct rl_detector {
     char *memory;  /* of all arrays */
     struct rl_counts counts;
     int64_t last_ns;
-    double looked_s;
-    double max_llr_deficit; /* nats by which other sequences than hits may be better */
-    double consumed_until_s[RL_MAX_CHANNELS]; /* end of what was read last in each */
-    uint64_t read_anew; /* zones that saw what was read since the last search of the residual, and
-                         * those around them */
-    double active_s[RL_MAX_ZONES]; /* since when each varies by more than noise; infinite if not */
+    double searched_s; /* end of the newest frame that was searched */
+    double max_llr_deficit; /* nats by which any bits may be better than a hit */
+    double consumed_until_s[RL_MAX_CHANNELS]; /* end of the last packet read in each */
+    uint64_t read_anew; /* zones, and those beside them, that saw packets read since the last search
+                         * of the residual */
+    double active_s[RL_MAX_ZONES]; /* since when each varies more than noise; INFINITY if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;
@@ -88,33 +88,26 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
 /* Note a packet that is read. The window's interference is the verdict's. */
 void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
 
-/* Place the marker of a reading of the newest frame; false where no distance was measured. Every
- * zone that has read it gives its range, and all zones around the strongest its bearing.
+/* Find the range and the bearing of a reading; false if no distance was measured. The range is from
+ * all zones that saw the packet, the bearing from the strongest zone and those beside it.
  */
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);
 
-/* The next active track whose following packet has ended within (from_s, to_s] if it goes on; NULL
- * if there is none from the index on, which it moves.
- */
-const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
-                                          double to_s);
-
-/* Whether packets of an ID are held that overlap with a time. */
-bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
-                   double overlap_s);
+/* Whether packets of an ID were read that overlap with a time by more than a few bits. */
+bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s);
 
 /* The packets of an ID that a train follows by the same clock; NULL if none are held. */
 const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint16_t id,
                                                const struct rl_packet_train *train);
 
-/* Find what may be in some zones from one time to another besides an ID: what was read in them
- * first, then what was read beside them. Those whose last packet ended before `since_s` are over.
+/* List the trains of other IDs that some zones may see from one time to another: first those read
+ * in these zones, then those read beside them. Trains that ended before `since_s` are left out.
  */
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
                           uint16_t except, struct rl_interference *interference);
 
-/* Zones that saw what was read until a time or later, and those around them. */
+/* Zones that saw a train which ended after a time, and the zones beside them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
 
 /* The zones of a channel as a bit mask. */
@@ -123,16 +116,16 @@ uint64_t rl_channel_zones(const struct rl_samples *samples, int channel);
 void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
                        struct rl_memory *memory);
 
-/* Subtract transmissions from the samples of a zone since a time. Return how the rest varies over
- * the newest rows, a packet's length of them, in the variance of noise.
+/* Subtract transmissions from the samples of a zone since a time. Return the variance of the rest
+ * over the newest packet's length, over that of the noise.
  */
 double rl_residual_subtract(struct rl_residual *residual, int zone,
                             const struct rl_interference *interference, double from_s);
 
-/* Subtract what another zone sees, as far as that explains the zone. Return the same. */
+/* Subtract the light that another zone sees, by its fitted gain. Return the same. */
 double rl_residual_cancel(struct rl_residual *residual, int zone, int reference, double from_s);
 
-/* The same of a sum of zones, once transmissions are subtracted from its zones. */
+/* Sum the zones of a channel anew, after transmissions were subtracted. Return the same. */
 double rl_residual_sum(struct rl_residual *residual, int channel);
 
 /* Put the samples of a channel back. */

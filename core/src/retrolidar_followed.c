@@ -9,21 +9,21 @@
 #include <math.h>
 #include <string.h>
 
-/* Of the clock of a reading: its start [s], its rate, and how they walk in a second. */
+/* Deviations of a reading's clock: its start [s] and rate, and their random walks in a second. */
 static const double START_S = 4e-3, RATE = 1.5e-3, WALK_S = 1e-4, RATE_WALK = 1e-4;
-static const double EDGE_S = 2e-3; /* to either side, to find how light changes with the start */
+static const double EDGE_S = 2e-3; /* half the step of the light's derivative by the start */
 static const double LIGHT_ERROR = 0.1;
 /* Light is as predicted if it differs by less. */
 static const double MAX_OFF = 0.35, MAX_DEVIATIONS = 3.0;
 static const int MAX_OFF_SCALE = 3;   /* bright frames */
-static const double MIN_SCALED = 0.2; /* so much of its light is the marker's */
-/* What is behind is forgotten after so long, or after so much of a way. */
+static const double MIN_SCALED = 0.2; /* a frame with less light is not one of another gain */
+/* The background is forgotten after so long, or after the marker has moved so far. */
 static const double BACKGROUND_S = 30.0, BACKGROUND_M = 0.05;
 /* The bearing is found anew after so many bright frames, or a change of gains. */
 static const int BEARING_FRAMES = 24;
 static const double BEARING_DEVIATIONS = 0.5, BEARING_SHARE = 0.01;
 static const double SHARED_LIGHT = 0.5;
-/* A marker that has crossed an edge goes on for so long. */
+/* A marker that has crossed an edge keeps moving for so long. */
 static const double CROSSED_S = 1.0;
 
 void rl_followed_start(struct rl_followed *followed, const struct rl_verdict *verdict)
@@ -73,7 +73,7 @@ static void follow_gains(struct rl_followed *followed, const struct rl_motion *b
     }
 }
 
-/* Let time pass in the place, and in what zones see of it. */
+/* Predict the range, and the light of all zones. */
 static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_motion before = rl_range_estimate(&followed->range);
@@ -101,7 +101,7 @@ void rl_followed_predict(struct rl_followed *followed, const struct rl_scenery *
     move(followed, scenery);
 }
 
-/* Correct the clock by what an edge within the exposure shows. */
+/* Correct the clock by an edge within the exposure. */
 static void update_clock(struct rl_followed *followed, const struct rl_scenery *scenery,
                          const struct rl_glance *glance)
 {
@@ -130,8 +130,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
     bool changed = strongest != followed->strongest || ++followed->bright_frames > BEARING_FRAMES;
     for (int zone = 0; zone < samples->zones; zone++) {
         amplitude[zone] = followed->zone[zone].gain;
-        variance[zone] =
-            followed->zone[zone].gain_variance + followed->hidden[zone] * followed->hidden[zone];
+        variance[zone] = followed->zone[zone].gain_variance;
         changed = changed || (rl_zone_beside(zone, strongest, samples->sensor.columns) &&
                               fabs(amplitude[zone] - followed->amplitude[zone]) >
                                   BEARING_DEVIATIONS * sqrt(variance[zone]) + BEARING_SHARE * most);
@@ -149,8 +148,8 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
                                       scenery->samples->sensor.zone_blur);
 }
 
-/* Find the range, then the samples of all zones, of which it says which are the marker's; then how
- * much light there is, and what that says of its presence.
+/* Update the range, choose the samples that are the marker's by it, measure the light, and update
+ * the presence.
  */
 static struct rl_glance observe(struct rl_followed *followed, const struct rl_scenery *scenery,
                                 struct rl_zone_sample *sample, bool *crossed)
@@ -188,7 +187,7 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
     followed->crossed = crossed ? 1.0 : followed->crossed;
 }
 
-/* Light that blinks as predicted, but by another amount, is a marker that has flipped or moved. */
+/* If the light blinks as predicted, but by another amount, the marker has turned or moved. */
 static void rescale(struct rl_followed *followed, int zones, const struct rl_glance *glance)
 {
     if (!(followed->light > RL_BRIGHT) || !(glance->measured > MIN_SCALED)) {

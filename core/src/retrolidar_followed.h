@@ -14,44 +14,44 @@ enum { RL_EXPLANATIONS = 6 };
 /* Whether a marker is still there, and still sends the same. */
 struct rl_presence {
     double chance[RL_EXPLANATIONS];
-    double seen_nats;   /* that its light is there, since it was last known to be */
-    double unseen_bits; /* since then, of dark ones a part */
-    double log_odds;    /* that it is there, and the same [nats] */
+    double seen_nats;   /* evidence that its light is there, since it was seen last */
+    double unseen_bits; /* since it was seen last; dark bits count a part */
+    double log_odds;    /* that it is there, and sends the same [nats] */
 };
 
-/* chance: that it goes on as predicted */
+/* chance: that it continues as predicted */
 void rl_presence_start(struct rl_presence *presence, double chance);
 
-/* Forget what was found out, but when it was seen. */
+/* Begin anew, but keep the time since it was seen. */
 void rl_presence_restart(struct rl_presence *presence, double chance);
 
-/* What a frame has shown. */
+/* What a frame shows of a marker. */
 struct rl_glance {
     double step_s, bit_s;
     double light;         /* as predicted, 0 to 1 */
-    double measured;      /* over that of a bright marker */
-    double variance;      /* of that; infinite if nothing was seen */
-    double level;         /* of the zone, likewise: what another marker may have been a part of */
-    double edge_variance; /* of the light as predicted, by when its edges come */
+    double measured;      /* light, over that of a bright marker */
+    double variance;      /* of that; infinite if no zone is valid */
+    double level;         /* of the zone, in the same unit; another marker may be a part of it */
+    double edge_variance; /* of the predicted light, by the error of the clock */
 };
 
-/* The chance that there is light of another marker. */
+/* The probability that there is light of another marker. */
 double rl_presence_doubt(const struct rl_presence *presence);
 
 /* Return whether its light was seen. */
-int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance);
+bool rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance);
 
 enum { RL_MOTIONS = 4 };
 
-/* A way in which a marker may move along the line of sight. */
+/* Range and range rate, with their covariance. */
 struct rl_motion {
-    double chance;
     double range_m, rate;                   /* [m], [m/s] */
     double variance, common, rate_variance; /* of the range, of both, of the rate */
 };
 
-/* Range and range rate of a marker. */
+/* Ways in which a marker may move along the line of sight, and their probabilities. */
 struct rl_range_filter {
+    double chance[RL_MOTIONS];
     struct rl_motion motion[RL_MOTIONS];
 };
 
@@ -59,18 +59,18 @@ void rl_range_start(struct rl_range_filter *filter, double range_m, double varia
 
 void rl_range_predict(struct rl_range_filter *filter, double step_s);
 
-/* Update with a measured range, of which a share shows the marker's and the rest is known. */
+/* Update with a measured range; share: its derivative with respect to the marker's range. */
 void rl_range_update(struct rl_range_filter *filter, double range_m, double variance, double share);
 
-/* The mean and the covariance of all motions, whose chance is 1. */
+/* The mean and the covariance over all motions. */
 struct rl_motion rl_range_estimate(const struct rl_range_filter *filter);
 
 /* What a zone sees of a marker: a level that wanders, and a gain of its light. */
 struct rl_zone_light {
     double level, gain; /* [kcps/SPAD] */
     double level_variance, common, gain_variance;
-    double excess; /* variance of what is left over, over that of noise: of other light */
-    double raised_bits; /* for so long its dark bits are brighter than its level */
+    double excess; /* residual variance over that of noise, more than 1 in other light */
+    double raised_bits; /* so long have its dark bits been brighter than its level */
 };
 
 /* A sample of a zone, less the light of other markers. */
@@ -87,8 +87,8 @@ struct rl_zone_sums {
 void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light);
 struct rl_zone_light rl_zone_fit(const struct rl_zone_sums *sums);
 
-/* Let the fits be of a marker that may have moved meanwhile, so the newest samples count. Zones
- * that have not read it see nothing of it: what fits there is the light of another.
+/* Widen the variances, as the marker may have moved meanwhile, so that the newest samples count.
+ * Zones that have not read it see nothing of it: their gain is the light of another marker.
  */
 void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_reading *reading);
 
@@ -98,27 +98,25 @@ int rl_zone_strongest(const struct rl_zone_light *lights, int zones);
 /* Whether a zone is sure to see a part of the marker that the strongest zone sees. */
 bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest);
 
-/* Find by how much of its light a marker is seen, from the zones about the strongest. Return
- * whether that is shared otherwise than before: it has crossed an edge.
+/* Measure the light of a marker in the strongest zone and those beside it. Return whether the
+ * zones' shares have changed: it has crossed an edge.
  */
 bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
                      const struct rl_zone_sample *samples, struct rl_glance *glance);
 
-/* Let time pass. crossed: the chance that the marker crosses the view */
+/* Let time pass. crossed: the probability that the marker crosses the view */
 void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, double step_s,
                      double crossed);
 
-/* Update all zones with samples in which the light is as predicted, shared otherwise or not. */
+/* Update all zones with samples of the predicted light; crossed: its shares have changed. */
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
                     const struct rl_zone_sample *samples, const struct rl_glance *glance,
                     bool crossed);
 
-/* No range is less [m]. */
-static const double RL_NEAREST_M = 1e-3;
 /* Light falls with the range by this power (paper Fig. 5a). */
 static const double RL_EXPONENT = -3.8;
 
-/* What is seen in a zone while the marker is dark: how far behind it, and how sure that is. */
+/* What a zone sees while the marker is dark: its distance behind the marker, and the precision. */
 struct rl_background {
     double offset_m, precision; /* [m], [1/m^2] */
 };
@@ -136,7 +134,6 @@ struct rl_followed {
     struct rl_range_filter range;
     struct rl_zone_light zone[RL_MAX_ZONES];
     struct rl_background behind[RL_MAX_ZONES];
-    double hidden[RL_MAX_ZONES]; /* light of a farther target, which hides the marker's */
     double light, slope;         /* in the newest frame, and how it changes with the start [1/s] */
     double noise_scale;          /* variance of distances over the law */
     double bias_variance;        /* of the range, by what is behind the marker [m^2] */
@@ -144,8 +141,8 @@ struct rl_followed {
     double distance_variance;
     int distance_zone;
     double ranged_s;                /* when the range was measured last */
-    int misses;                     /* distances that did not fit, one after the other */
-    int off_scale;                  /* bright frames with another light, likewise */
+    int misses;                     /* successive distances that did not fit */
+    int off_scale;                  /* successive bright frames with another light */
     int strongest;                  /* zone, when the bearing was found ... */
     int bright_frames;              /* so many frames ago */
     double amplitude[RL_MAX_ZONES]; /* and the gains then */
@@ -156,7 +153,7 @@ struct rl_followed {
     int64_t last_ns;
 };
 
-/* What a marker is followed in. */
+/* The row to which markers are followed, and the light of the others there. */
 struct rl_scenery {
     const struct rl_samples *samples;
     const struct rl_bearing_table *table;
@@ -173,10 +170,10 @@ static inline double rl_scenery_now(const struct rl_scenery *scenery)
     return (samples->begin_s[scenery->row] + samples->end_s[scenery->row]) / 2;
 }
 
-/* Begin with what was read, whose place is not known yet. */
+/* Begin with a packet that was read; its place is not known yet. */
 void rl_followed_start(struct rl_followed *followed, const struct rl_verdict *verdict);
 
-/* Find out where it is about by the distance that its strongest zone has measured [m]. */
+/* Set its approximate range, by the distance that its strongest zone measured [m]. */
 void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                        double depth_m);
 

@@ -1,28 +1,28 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The range of a marker that is followed, and which samples of a zone are its own. */
+/* The range of a marker that is followed, and the choice of samples that are its own. */
 #include "retrolidar_followed.h"
 
 #include "retrolidar_ranging.h"
 
 #include <math.h>
 
-/* The noise of ranges, over the law, is learnt from frames that follow each other. */
+/* The noise of ranges, relative to the law, is learnt from successive frames. */
 static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSON = 9.0;
 /* A nearer target hides the marker if it is so much nearer [m] and brighter. */
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
-/* A zone measures the range if so much of its signal is the marker's, and no more of others. */
+/* A zone measures the range if so much of its signal is the marker's, and less is others'. */
 static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.1;
 static const double MAX_CHANGE = 2.4; /* of the rate while it was dark [m/s] */
 static const double GATE = 25.0;     /* squared deviations */
 static const int MAX_MISSES = 3;
-/* How far from the marker light is that is not known. */
+/* Distance of unknown light from the marker. */
 static const double UNKNOWN_M = 0.2;
 static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
-static const double MIN_BEHIND = 0.5;    /* of it in what is measured */
-static const double MIN_PRECISION = 0.1; /* of a background that is known at all [1/m^2] */
-static const double BIAS_SHARE = 0.1, HIDDEN_SHARE = 0.3; /* of the newest frame */
+static const double MIN_BEHIND = 0.5;    /* least share of the background in a signal */
+static const double MIN_PRECISION = 0.1; /* of a background that is known [1/m^2] */
+static const double BIAS_SHARE = 0.1; /* of the newest frame */
 
 /* Variance of a distance at a signal, by the law [m^2]. */
 static double law_of(const struct rl_scenery *scenery, double signal)
@@ -76,8 +76,8 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
     return sample;
 }
 
-/* Where it is open whether what is behind a marker is its mounting or farther, both are weighed.
- * Return by how far it is behind; find the chance that it is so, and the variance.
+/* Return how far the background is behind the marker, if it is known. Find the probability that it
+ * is a background and not the mounting, and the variance over both.
  */
 static double behind_of(const struct rl_background *behind, const struct rl_scenery *scenery,
                         double *chance, double *variance)
@@ -97,7 +97,7 @@ static double behind_of(const struct rl_background *behind, const struct rl_scen
     return behind->offset_m;
 }
 
-/* Of a dark bit's edge the marker has a part in what is measured. */
+/* Update the background by a dark sample; near a bit's edge the marker has a share in it. */
 static void see_behind(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                        double range_m, double signal)
 {
@@ -116,7 +116,7 @@ static void see_behind(struct rl_followed *followed, const struct rl_scenery *sc
     behind->offset_m += precision / behind->precision * off_m / share;
 }
 
-/* Learn how much distances vary, from two that follow each other. */
+/* Learn the noise of distances from two successive ones. */
 static void learn_noise(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                         double range_m, double variance)
 {
@@ -136,7 +136,7 @@ static void learn_noise(struct rl_followed *followed, const struct rl_scenery *s
     followed->distance_variance = variance;
 }
 
-/* When most of the light of an exposure came, after its middle: an edge may be within it. */
+/* The mean time of the light of an exposure, after its middle: an edge may be within it. */
 static double centre_of(const struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
@@ -166,7 +166,7 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
     return own > MIN_OWN * whole && fabs(apart_m) < scenery->samples->sensor.separable_m;
 }
 
-/* The share of the light that is not explained, if a marker that is not known may be there. */
+/* The share of the signal that may be the light of an unknown marker. */
 static double unknown_share(const struct rl_followed *followed, int zone, double range_m,
                             double signal)
 {
@@ -178,7 +178,7 @@ static double unknown_share(const struct rl_followed *followed, int zone, double
     return off * sqrt(rl_presence_doubt(&followed->presence));
 }
 
-/* What is behind the marker stays where it is if the marker is found to be elsewhere. */
+/* Update the range. The background stays where it is, so its offset changes. */
 static void correct_range(struct rl_followed *followed, double range_m, double variance,
                           double share, int zones)
 {
@@ -211,7 +211,7 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const double own_m =
         (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
     const double off = own_m - place.range_m;
-    /* It may have turned round in the dark. */
+    /* The marker may have changed its direction while it was dark. */
     const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
     if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
         if (++followed->misses > MAX_MISSES) {
@@ -249,8 +249,6 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         }
         const double own = sample.signal - light->level;
         if (followed->light > RANGED_LIGHT) {
-            followed->hidden[zone] +=
-                HIDDEN_SHARE * ((sample.signal == 0.0 ? signal : 0.0) - followed->hidden[zone]);
             if (own > MIN_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
                 (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);

@@ -1,20 +1,20 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* How the gain of a packet changes while it is sent: a marker that moves, or a light that sways. */
+/* A gain that changes during a packet: of a marker that moves, or in light that sways. */
 #include "retrolidar_window.h"
 
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
-/* What keeps the gain of a knot near to those beside it, as a share of the mean energy. */
+/* Weight that keeps neighbouring knots alike, as a share of the mean energy. */
 static const double STIFFNESS = 0.02;
 
-/* Where a row is between the last knot before it and the one after it. */
+/* The position of a row between two knots. */
 struct between {
     int knot;
-    double beyond; /* the former, 0 to 1 */
+    double beyond; /* that knot, 0 to 1 */
 };
 
 static struct between between_knots(int row, double density)
@@ -55,8 +55,8 @@ static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
     }
 }
 
-/* Products of the light of the knots, of which each row has its light on the two around it, their
- * sums with the signal, and squares of it: of steps.
+/* Normal equations of the gains of all knots, and the sum of squares of the signal, of the steps
+ * from row to row. A row has its light on the two knots around it.
  */
 struct sums {
     double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], total;
@@ -121,7 +121,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     for (int i = 0; i < RL_KNOTS; i++) {
         explained += right[i] * sums.right[i];
     }
-    /* Several gains take a part of whatever is there besides; so they must be worth it. */
+    /* Many gains also fit what is not of this marker, so they must explain more than they cost. */
     const double steady = all > 0.0 ? common * common / all : 0.0;
     const double changed = fmax(sums.total - explained, 1e-12);
     const double worth = 0.5 * sums.steps * log((sums.total - steady) / changed);
@@ -129,7 +129,7 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
-    /* A marker that happens to begin with another one has its preamble, too. */
+    /* A marker that begins at the time of another one has the same preamble. */
     const double price = 2.0 * RL_COST_OF_CHANCE + (changes ? rl_price_of_profile() : 0.0);
     const double taken = changes ? explained : steady;
     const double left = fmax((sums.total - taken) / fmax(sums.steps, 1.0), 1e-12);

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What a search has found in one channel, the most promising first. */
+/* The hits of a search in one channel, the best first. */
 #include "retrolidar_search.h"
 
 #include <math.h>
@@ -12,19 +12,19 @@ static const uint32_t WORD_MASK = ((uint32_t)1 << RL_WORD_BITS) - 1;
 /* Coarse templates explain no more than this. */
 static const float MAX_EXPLAINED = 0.995f;
 
-/* Half of the samples times the logarithm of what is left of the variance. */
+/* Log likelihood ratio: -1/2 samples log(share of the power that is left). */
 static float nats_of(float squared, const struct rl_soft_summary *summary)
 {
     return -0.5f * summary->samples * log1pf(-rl_minf(squared / summary->power, MAX_EXPLAINED));
 }
 
-/* What must be explained for this many nats. */
+/* The power that must be explained for so many nats. */
 static float min_of(float nats, const struct rl_soft_summary *summary)
 {
     return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
 
-/* The first slot that no entry refers to; there is one more than entries of different trials. */
+/* The first slot that no entry refers to; there is always one. */
 static int free_slot(const struct rl_shortlist *shortlist)
 {
     bool is_taken[RL_SLOTS] = {false};
@@ -41,7 +41,7 @@ static int free_slot(const struct rl_shortlist *shortlist)
     return slot;
 }
 
-/* Keep an item if it is among the best, and better than the one of its kind: `same` is the index of
+/* Keep an item if it is among the best, and better than the kept one of its kind; same: index of
  * that, or the count if there is none.
  */
 static void keep_best_of_kind(void *kept, int *count, int max_count, int same, const void *item,
@@ -71,37 +71,37 @@ static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_en
     keep_best_of_kind(kept, &shortlist->sequences, RL_TRIED, same, &entry, sizeof entry);
 }
 
-/* What any sequence of bits explains at the most. */
-static float any_squared(const struct rl_demand *demand, const struct rl_trial *trial,
+/* The power that the best sequence of bits explains. */
+static float any_squared(const struct rl_criteria *criteria, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary)
 {
     if (summary->dark == 0 || summary->samples < 2.0f) {
         return 0.0f;
     }
     return summary->any * summary->any /
-           (rl_energy_of(&trial->energy, demand->smooth, summary->dark) * (float)trial->packets);
+           (rl_energy_of(&trial->energy, criteria->smooth, summary->dark) * (float)trial->packets);
 }
 
-float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
+float rl_llr_upper_bound(const struct rl_criteria *criteria, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary)
 {
-    return nats_of(any_squared(demand, trial, summary), summary);
+    return nats_of(any_squared(criteria, trial, summary), summary);
 }
 
-void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
+void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *criteria,
                       const struct rl_trial *trial, const struct rl_sums *sums, int lane,
                       int shifts)
 {
     const struct rl_soft_summary *summary = &sums->summary[lane];
-    const float any = any_squared(demand, trial, summary);
-    const float least = min_of(demand->least, summary);
+    const float any = any_squared(criteria, trial, summary);
+    const float least = min_of(criteria->least, summary);
     if (!(any > 0.0f && any >= least)) {
         return;
     }
     const float upper_bound = nats_of(any, summary);
     const int slot = free_slot(shortlist);
     float *soft = shortlist->slot[slot].soft;
-    /* Of a part the preamble need not be seen, so that any start may be the right one. */
+    /* If only a part is seen, the preamble may be missing, so all starts are kept. */
     const int max_words = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
     shortlist->slot[slot].trial = *trial;
     shortlist->slot[slot].summary = *summary;
@@ -125,20 +125,20 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *de
         const uint32_t bits = rl_rotate_bits(PREAMBLE | dark, RL_PACKET_BITS - shift) & trial->seen;
         const float squared =
             sum * sum /
-            (rl_energy_of(&trial->energy, demand->smooth, bits) * (float)trial->packets);
+            (rl_energy_of(&trial->energy, criteria->smooth, bits) * (float)trial->packets);
         if (squared < least) {
             continue;
         }
         const float nats = nats_of(squared, summary);
-        if (upper_bound - nats <= demand->max_llr_deficit) {
+        if (upper_bound - nats <= criteria->max_llr_deficit) {
             const struct rl_shortlist_entry entry = {nats, shift, slot};
             rl_keep_best(shortlist->word, &shortlist->words, max_words, &entry, sizeof entry);
         }
     }
 }
 
-/* The sequence of bits that explains most: from the signs of the soft bits, by turning one at a
- * time. In a long run the level is taken for the light of its bits, and their signs say little.
+/* The sequence of bits that explains most: from the signs of the soft bits, by flipping one at a
+ * time. In a long run of equal bits the level follows their light, so their signs say little.
  */
 static uint32_t best_bits(const struct rl_slot *slot, const struct rl_smooth *smooth)
 {
@@ -207,7 +207,7 @@ int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left
 }
 
 void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
-                  const struct rl_codebook *codebook, const struct rl_demand *demand)
+                  const struct rl_codebook *codebook, const struct rl_criteria *criteria)
 {
     hits->count = hits->sequences = 0;
     for (int word = 0; word < shortlist->words; word++) {
@@ -215,17 +215,18 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         const struct rl_slot *slot = &shortlist->slot[entry->slot];
         const struct rl_trial *trial = &slot->trial;
         const float packets = (float)trial->packets;
-        /* A word that others exceed by so much is none, and no rival either. */
-        const float upper_bound = rl_llr_upper_bound(demand, trial, &slot->summary);
-        const float min_nats = rl_maxf(demand->least, upper_bound - 2.0f * demand->max_llr_deficit);
+        /* A word that other bits exceed by so much is neither a packet nor a rival. */
+        const float upper_bound = rl_llr_upper_bound(criteria, trial, &slot->summary);
+        const float min_nats =
+            rl_maxf(criteria->least, upper_bound - 2.0f * criteria->max_llr_deficit);
         const float least = min_of(min_nats, &slot->summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             soft[bit] = slot->soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
-        rl_codebook_best(codebook, &trial->energy, demand->smooth, soft, trial->seen, entry->shift,
-                         least * packets, best);
+        rl_codebook_best(codebook, &trial->energy, criteria->smooth, soft,
+                         trial->seen, entry->shift, least * packets, best);
         for (int i = 0; i < 2 && best[i].index >= 0; i++) {
             /* The packet that began first in the window, or before it. */
             const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
@@ -233,7 +234,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
                 .nats = nats_of(best[i].squared / packets, &slot->summary),
                 .id = codebook->id[best[i].index],
                 .transmission = {.bits = codebook->packet[best[i].index],
-                                 .repeats = demand->repeats,
+                                 .repeats = criteria->repeats,
                                  .start_s = start_of(trial) + begin * trial->bit_s,
                                  .bit_s = trial->bit_s},
             };
@@ -243,8 +244,8 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
     for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
         const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(slot, demand->smooth),
-            .repeats = demand->repeats,
+            .bits = best_bits(slot, criteria->smooth),
+            .repeats = criteria->repeats,
             .start_s = start_of(&slot->trial),
             .bit_s = slot->trial.bit_s,
         };

@@ -1,24 +1,17 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What becomes of a hit of the search: it is read, alone or with one that it hides, or rejected. */
+/* Judge a hit of the search: read it, alone or with another one that it hides, or reject it. */
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
-
-/* Whether a packet of an ID has been read that overlaps with a time by more than a few bits. */
-static bool is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
-{
-    return rl_pool_knows(&detector->pool, id, begin_s, end_s,
-                         RL_LOOK_BITS * detector->settings.bit_s);
-}
 
 static struct rl_packet_train train_of(const struct rl_verdict *verdict)
 {
     return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
 }
 
-/* Add a packet to what interferes, in place of the last one if there is no room. */
+/* Add a packet to the interference, in place of the last one if that is full. */
 static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
 {
     if (interference->count == RL_MAX_TRAINS) {
@@ -27,18 +20,15 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
     interference->train[interference->count++] = train_of(beside);
 }
 
-/* Judge a hit as what it is found to be.
- *
- * beside: another packet that is taken to be there, if any
- */
+/* Judge a hit, beside another packet if `beside` is not NULL. */
 static struct rl_verdict decide_as_found(struct rl_detector *detector, int channel, int packets,
                                          const struct rl_hit *hit, const struct rl_hits *hits,
                                          const struct rl_verdict *beside, double to_s)
 {
-    struct rl_demands demands = detector->settings.demands;
+    struct rl_thresholds thresholds = detector->settings.thresholds;
     struct rl_interference *interference = &detector->window.interference;
     if (hit->transmission.repeats && packets < detector->settings.max_packets) {
-        demands.margin = demands.margin_of_more;
+        thresholds.margin = thresholds.margin_of_more;
     }
     const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s;
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
@@ -49,7 +39,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .transmission = *transmission,
         .begin_s = transmission->repeats ? to_s - packets * packet_s : transmission->start_s,
         .end_s = to_s};
-    /* Markers may have gone on from what was read up to two packets before. */
+    /* A marker that was read up to three packets before may still be sending. */
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
                          train.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
     if (beside != NULL) {
@@ -59,7 +49,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     struct rl_case judged = {
         .window = &detector->window,
         .codebook = &detector->search.codebook,
-        .demands = &demands,
+        .thresholds = &thresholds,
         .hits = hits,
         .consumed_until_s = detector->consumed_until_s[channel],
         .since_s = since_s,
@@ -76,7 +66,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     return verdict;
 }
 
-/* The packet of a stretch that has ended last, as one that is sent once. */
+/* The last packet of a stretch that has ended, as a lone one. */
 static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
 {
     const struct rl_transmission *transmission = &verdict->transmission;
@@ -88,9 +78,7 @@ static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
     return hit;
 }
 
-/* Judge a hit; a stretch that does not repeat for certain is judged as the packet that has ended in
- * it.
- */
+/* Judge a hit. If a stretch may not repeat, judge the last packet that ended in it. */
 static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
                                 const struct rl_hit *hit, const struct rl_hits *hits,
                                 const struct rl_verdict *beside, double to_s)
@@ -102,17 +90,17 @@ static struct rl_verdict decide(struct rl_detector *detector, int channel, int p
     }
     const struct rl_hit ended = last_ended(&verdict, to_s);
     const double start_s = ended.transmission.start_s;
-    return is_known(detector, ended.id, start_s,
-                    start_s + RL_PACKET_BITS * ended.transmission.bit_s)
+    return rl_is_known(detector, ended.id, start_s,
+                       start_s + RL_PACKET_BITS * ended.transmission.bit_s)
                ? verdict
                : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
 }
 
-/* Search a zone without a packet, and without those that have been read in it. Return how the rest
- * varies, in the variance of noise; it is not searched if that is as little as noise does.
+/* Subtract a packet and those read before from a zone, and search the rest, if it varies by more
+ * than noise.
  */
-static double search_without(struct rl_detector *detector, const struct rl_verdict *one,
-                             double to_s, struct rl_hits *hits)
+static void search_without(struct rl_detector *detector, const struct rl_verdict *one, double to_s,
+                           struct rl_hits *hits)
 {
     struct rl_interference interference;
     const int channel = one->channel, packets = one->packets;
@@ -127,11 +115,10 @@ static double search_without(struct rl_detector *detector, const struct rl_verdi
     hits->count = 0;
     hits->reference = RL_NO_REFERENCE;
     if (rest > RL_ACTIVE) {
-        rl_search_look(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
-                       2.0 * detector->max_llr_deficit, hits);
+        rl_search_channels(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
+                           2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, channel);
-    return rest;
 }
 
 /* Look for another packet in the zone of one, as they hide each other: the other is the best one
@@ -152,7 +139,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         detector->decisions_left -= 3;
         *other = decide(detector, channel, packets, hit, hits, one, to_s);
         if (other->evidence < detector->search.least || other->reason == RL_INCOMPLETE ||
-            is_known(detector, other->id, other->begin_s, other->end_s)) {
+            rl_is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
         search_without(detector, other, to_s, &again_hits);
@@ -161,7 +148,8 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         const struct rl_verdict again =
             decide(detector, channel, packets, &again_hits.hit[0], &again_hits, other, to_s);
-        if (again.reason != RL_READ || is_known(detector, again.id, again.begin_s, again.end_s)) {
+        if (again.reason != RL_READ ||
+            rl_is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
         *other = decide(detector, channel, packets, hit, hits, &again, to_s);
@@ -181,7 +169,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     const double begin_s = transmission->repeats ? fmax(to_s - lasting_s, pending->since_s)
                                                  : transmission->start_s;
     const double end_s = transmission->repeats ? to_s : begin_s + lasting_s;
-    if (is_known(detector, hit->id, begin_s, end_s)) {
+    if (rl_is_known(detector, hit->id, begin_s, end_s)) {
         return;
     }
     detector->counts.candidates++;

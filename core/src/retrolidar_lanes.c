@@ -1,12 +1,12 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Arithmetic on channels side by side, RL_LANES of them; in a file of its own, as compilers make
- * vectors of these loops as long as nothing is around them.
+/* Arithmetic on RL_LANES channels at once. It has its own file because compilers vectorise these
+ * loops only as long as nothing is around them.
  */
 #include "retrolidar_view.h"
 
-/* Weight of an erasure on the level: next to none, but enough to divide by. */
+/* Weight of an erasure: not 0, so that the level is defined where all is erased. */
 static const float ERASED = 1e-3f;
 
 void rl_lanes_eliminate(float stiff, float ends, const float *restrict known,

@@ -6,9 +6,9 @@
 #include <math.h>
 #include <string.h>
 
-/* A template of less energy does not change in the window. */
+/* A template of less energy is constant in the window. */
 static const double NO_ENERGY = 1e-9;
-/* The last lane repeats the one before it, so that vectors of two are full. */
+/* The last lane repeats the one before it, to fill vectors of two. */
 static const double Q_OVER_R[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1,
                                                0.3, 1.0,   3.0,  30.0, 30.0};
 
@@ -104,8 +104,8 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     find_null(whitened);
 }
 
-/* Whiten a template as the signal was; the first sample is nothing. By the way, find its products
- * with itself and with the signal.
+/* Whiten a template as the signal was, and find its products with itself and with the signal. The
+ * first sample only sets the level.
  */
 static void whiten_template(const struct rl_whitened *whitened, const double *light,
                             double (*column)[RL_WALK_LANES], double power[RL_WALK_LANES],
@@ -228,7 +228,7 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
 double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit)
 {
     const double q = Q_OVER_R[fit->walk];
-    /* Of a filter that follows a wandering level, in the steady state. */
+    /* Variance of innovations over that of noise, in the filter's steady state. */
     const double innovation = 1.0 + (q + sqrt(q * q + 4.0 * q)) / 2.0;
     return fit->variance * innovation / whitened->least;
 }

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* How likely samples are of a packet, or of nothing but noise and a level that wanders.
+/* Log likelihood of samples with a packet, and with noise and a wandering level only.
  *
  *     x_k = a + g T_k + l_k + n_k,   g > 0 with a packet, g = 0 without
  *
@@ -18,10 +18,10 @@
 #include <stdbool.h>
 
 enum {
-    /* Columns of other light, fitted along with any template: knots of a reference, or packets. */
+    /* Templates fitted along with the one that is tried: knots of a reference, or packets. */
     RL_MAX_INTERFERERS = RL_PARTS + 5,
     RL_WALKS = 9,       /* values of q that are tried */
-    RL_WALK_LANES = 10, /* the same, made even */
+    RL_WALK_LANES = 10, /* the same, rounded up to an even number */
 };
 
 /* Samples of a channel in a window, whitened for every q. */
@@ -32,18 +32,18 @@ struct rl_whitened {
     double (*scale)[RL_WALK_LANES];  /* 1 over the deviation of each innovation */
     double (*signal)[RL_WALK_LANES]; /* whitened */
     int interferers;
-    /* Templates of other packets, whitened and made orthonormal; the signal is without them. Room
-     * for one more is left to that which is tried.
+    /* Templates of other packets, whitened and orthonormal; they are subtracted from the signal.
+     * The last one is memory for the template that is tried.
      */
     double (*interferer[RL_MAX_INTERFERERS + 1])[RL_WALK_LANES];
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
-    double least;                     /* variance of noise that a fit may claim at least */
+    double least;                     /* least variance of noise that a fit may claim */
     double null;                      /* log likelihood without a packet, the best of all q */
 };
 
 /* binding */
-/* How much better a template explains samples than nothing does. */
+/* A template that is fitted to samples. */
 struct rl_gain {
     double log_likelihood; /* with the packet, the best of all q */
     double gain;           /* g at that q, not negative */
@@ -66,7 +66,7 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
 /* Fit a template, the light of each row of the window, together with the interferers. */
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);
 
-/* Variance that a fit leaves over, over the least of noise: far more if something else is there. */
+/* Variance that a fit leaves, over the least: far above 1 if something else is there. */
 double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit);
 
 /* Make a template an interferer: from now on its gain is fitted along with that of any other, and

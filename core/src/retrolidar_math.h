@@ -32,8 +32,8 @@ static inline double rl_mean(const float *values, int count)
     return count > 0 ? sum / count : 0.0;
 }
 
-/* Keep an item if it is among the best, by the float that it begins with; of equal ones the first
- * are. The best is the first.
+/* Insert an item into a list, the best first, if it is among the best. Items begin with the float
+ * that is compared; of equal ones the earlier is better.
  */
 static inline void rl_keep_best(void *kept, int *count, int max_count, const void *item,
                                 size_t size)
@@ -52,7 +52,7 @@ static inline void rl_keep_best(void *kept, int *count, int max_count, const voi
     }
 }
 
-/* The value of a rank among some, which it moves: none before it is greater, none after it less. */
+/* The value of a rank; it moves the values: none before it is greater, none after it less. */
 static inline float rl_select(float *values, int count, int rank)
 {
     for (int first = 0, last = count - 1; first < last;) {
@@ -82,7 +82,7 @@ static inline float rl_select(float *values, int count, int rank)
     return values[rank];
 }
 
-/* The middle one of some values, which it sorts; the upper one of two. */
+/* Sort some values and return their median, the upper one of two. */
 static inline double rl_median(double *values, int count)
 {
     for (int i = 1; i < count; i++) {

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* How much samples vary: by the law of the sensor's noise, and in fact. */
+/* Variance of the samples: by the law of the sensor's noise, and as measured. */
 #include "retrolidar_samples.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The window that a packet is judged in, whether that is enough, and where the packet is exactly*/
+/* The window that a packet is judged in, whether that is enough, and the packet's exact time. */
 #include "retrolidar_decide.h"
 
 #include <math.h>
@@ -64,7 +64,7 @@ static void coordinate_ascent(struct rl_window *window, struct rl_transmission *
 static bool find_neighbours(struct rl_window *window, struct rl_transmission *transmission)
 {
     const struct rl_transmission found = *transmission;
-    double best = rl_window_try(window, &found) + log(2.0); /* one of two, by chance */
+    double best = rl_window_try(window, &found) + log(2.0); /* price of a choice of two */
     for (int dark = 0; dark < 4; dark++) {
         struct rl_transmission other = found;
         other.dark_before = (dark & 1) != 0;
@@ -86,11 +86,11 @@ double rl_window_refine(struct rl_window *window, struct rl_transmission *transm
     if (!transmission->repeats && find_neighbours(window, transmission)) {
         coordinate_ascent(window, transmission, half_bits);
     }
-    /* So that `fit` and `light` are of what is returned. */
+    /* Leave `fit` and `light` of what is returned. */
     return rl_window_try(window, transmission);
 }
 
-/* Bits from the start of what is sent to the middle of the window that it was found in. */
+/* Bits from the start of the transmission to the middle of its window. */
 static double half_bits_of(const struct rl_case *judged)
 {
     const struct rl_transmission *transmission = &judged->verdict.transmission;
@@ -100,7 +100,7 @@ static double half_bits_of(const struct rl_case *judged)
                : RL_PACKET_BITS / 2.0;
 }
 
-/* Open the window of a lone packet and of the silence before it; return its evidence. */
+/* Open the window of a lone packet with the silence before it; return its evidence. */
 static double open_lone(struct rl_case *judged, struct rl_transmission *lone, double silence_s)
 {
     struct rl_window *window = judged->window;
@@ -156,8 +156,8 @@ void rl_observation_open(struct rl_case *judged)
     struct rl_verdict *verdict = &judged->verdict;
     const struct rl_transmission found = verdict->transmission;
     open_target(judged, false);
-    /* Of two targets, the marker is the one that the packet explains better. */
-    if (judged->window->column.is_parted) {
+    /* The marker is the target that the packet explains better. */
+    if (judged->window->column.has_two_targets) {
         const double evidence = verdict->evidence;
         verdict->transmission = found;
         open_target(judged, true);
@@ -195,6 +195,6 @@ bool rl_observation_is_erased(const struct rl_case *judged)
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         erased += known[bit] < 0.25 * all[bit];
     }
-    /* Words still differ in the bits that are left. */
+    /* If fewer are erased, all words still differ in the others. */
     return erased >= RL_WORD_DISTANCE;
 }

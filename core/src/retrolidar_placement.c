@@ -6,10 +6,7 @@
 
 #include <math.h>
 
-/* Least range, whatever the offset. */
-static const double NEAREST_M = 1e-3;
-
-/* By how much the signal of a zone rises with the light, and what the packet leaves over. */
+/* Fit of the light to the signal of each zone: gain, its variance, and the residual variance. */
 struct amplitude {
     double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
     double score[RL_MAX_ZONES]; /* correlation of the signal with the light */
@@ -20,11 +17,11 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_ve
                                 int *first)
 {
     const struct rl_samples *samples = &detector->samples;
-    /* An exposure mostly outside may show the packet before or after. */
-    const double max_s = (1.0 - RL_BRIGHT) * samples->period_s;
-    *first = rl_samples_row(samples, verdict->begin_s + max_s);
+    /* An exposure that is mostly outside may show the packet before or after. */
+    const double overlap_s = (1.0 - RL_BRIGHT) * samples->period_s;
+    *first = rl_samples_row(samples, verdict->begin_s + overlap_s);
     int last = *first;
-    while (last < samples->count && samples->begin_s[last] < verdict->end_s - max_s) {
+    while (last < samples->count && samples->begin_s[last] < verdict->end_s - overlap_s) {
         last++;
     }
     const struct rl_seen seen = {
@@ -41,7 +38,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_ve
     return seen;
 }
 
-/* Take the samples of a zone: of the target that may be the marker, where it sees several. */
+/* Take the samples of a zone, of the target that may be the marker. */
 static void look_at(struct rl_detector *detector, const struct rl_verdict *verdict,
                     struct rl_seen *seen, int first, int zone)
 {
@@ -53,7 +50,7 @@ static void look_at(struct rl_detector *detector, const struct rl_verdict *verdi
     seen->distance = detector->samples.distance + rl_sample(&detector->samples, zone, first);
 }
 
-/* Lay the light of other markers that were read in a zone at the time. */
+/* Find the light of other markers that were read in a zone at the time. */
 static void lay_others(const struct rl_detector *detector, const struct rl_verdict *verdict,
                        int zone, struct rl_seen *seen)
 {
@@ -69,7 +66,7 @@ static void lay_others(const struct rl_detector *detector, const struct rl_verdi
     }
 }
 
-/* How much the signal rises with light that has no mean. */
+/* Slope of the signal over light whose mean is 0. */
 static double rise_with(const struct rl_seen *seen, const double *light)
 {
     double cross = 0.0, energy = 1e-9;
@@ -104,8 +101,8 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
         alike += left * before;
         before = left;
     }
-    /* The residual may be another marker, whose samples come in pairs and count half; no fit can
-     * claim less noise than the sensor's own step makes.
+    /* The residual may be another marker, whose samples are correlated. The noise is at least that
+     * of the sensor's quantisation.
      */
     const double step = seen->sensor->signal_step;
     const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
@@ -126,7 +123,7 @@ static bool is_near(const struct rl_samples *samples, const struct rl_reading *r
     return rl_zone_beside(zone, reading->zone[0], samples->sensor.columns);
 }
 
-/* The zones that saw the packet, those first whose light is strongest for certain: another marker
+/* List the zones that saw the packet, sorted by their gain less three deviations: another marker
  * that is not known yet may add or take much.
  */
 static void choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
@@ -162,7 +159,7 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
         seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
         lay_others(detector, &reading->verdict, zone, seen);
         if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
-            /* The sensor's own projection has the factor of the zone and not of the target. */
+            /* The sensor projects by the factor of the zone, not of the target. */
             const double square = z_per_range[zone] * z_per_range[zone];
             const double weight = square / ranged.variance;
             precision += weight;
@@ -179,7 +176,7 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
     }
     placement->range_m = range_m / precision;
     common /= precision;
-    /* Zones that differ by more than their variances say how sure they are (Birge 1932). */
+    /* If zones differ by more than their variances, that is the variance (Birge 1932). */
     const double spread = (squares - range_m * range_m / precision) / fmax(found - 1, 1);
     placement->range_variance = fmax(spread, 1.0) / precision + common * common;
     placement->time_s = time_s / precision;
@@ -269,7 +266,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     placement->amplitude = amplitude.of[strongest];
     placement->noise = amplitude.noise[strongest];
     placement->score = amplitude.score[strongest];
-    placement->range_m = fmax(placement->range_m - sensor->range_offset_m, NEAREST_M);
+    placement->range_m = fmax(placement->range_m - sensor->range_offset_m, RL_NEAREST_M);
     placement->bearing =
         rl_bearing_of(&detector->bearing, samples->sensor.rows, samples->sensor.columns,
                       strongest, amplitude.of, amplitude.variance, sensor->zone_blur);

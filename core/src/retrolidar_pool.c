@@ -1,12 +1,12 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The packets that have been read lately, in the whole view: who else may be in the samples. */
+/* Markers that were read lately, in the whole view: they may interfere with others. */
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
 
-/* A packet goes on from one before it if it keeps its time, and no more packets were missed. */
+/* A packet continues a train if it has its phase, and fewer packets were missed. */
 static const double MAX_MISSED = 2.0;
 
 uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
@@ -41,15 +41,14 @@ static struct rl_active_track *free_slot(struct rl_pool *pool)
     return first;
 }
 
-/* Whether a transmission goes on from another one. */
+/* Whether a train continues another one. */
 static bool continues(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
     const double packet_s = RL_PACKET_BITS * now->transmission.bit_s;
     return now->begin_s - before->end_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
 }
 
-/* Add a packet, or several that repeat; one that goes on from an active track becomes part of it.
- */
+/* Add packets that were read, to the active track that they continue, if any. */
 static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_samples *samples,
                                          const struct rl_reading *reading)
 {
@@ -78,22 +77,10 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
     return track;
 }
 
-const struct rl_active_track *rl_pool_due(const struct rl_pool *pool, int *index, double from_s,
-                                          double to_s)
+bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
 {
-    while (*index < pool->count) {
-        const struct rl_active_track *track = &pool->track[(*index)++];
-        const double end_s = track->train.end_s + RL_PACKET_BITS * track->train.transmission.bit_s;
-        if (end_s > from_s && end_s <= to_s) {
-            return track;
-        }
-    }
-    return NULL;
-}
-
-bool rl_pool_knows(const struct rl_pool *pool, uint16_t id, double begin_s, double end_s,
-                   double overlap_s)
-{
+    const struct rl_pool *pool = &detector->pool;
+    const double overlap_s = RL_LOOK_BITS * detector->settings.bit_s;
     for (int i = 0; i < pool->count; i++) {
         const struct rl_active_track *track = &pool->track[i];
         if (track->id == id &&
@@ -124,10 +111,10 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
         for (int i = pool->count - 1; i >= 0; i--) {
             const struct rl_active_track *track = &pool->track[i];
             const struct rl_packet_train *train = &track->train;
-            const uint64_t seen = beside ? track->near & ~track->zones : track->zones;
-            const bool is_seen = (beside == 0) == ((track->zones & zones) != 0);
-            if (track->id != except && (seen & zones) != 0 && is_seen && train->end_s > since_s &&
-                train->begin_s < to_s && interference->count < RL_MAX_TRAINS) {
+            const bool sees = (track->zones & zones) != 0, is_near = (track->near & zones) != 0;
+            if ((beside ? is_near && !sees : sees) && track->id != except &&
+                train->end_s > since_s && train->begin_s < to_s &&
+                interference->count < RL_MAX_TRAINS) {
                 interference->train[interference->count++] = *train;
             }
         }
@@ -144,7 +131,7 @@ uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
     return zones;
 }
 
-/* Energy of a packet in a zone, beside what else is known to be there; 0 without evidence. */
+/* Energy of a packet in a zone, fitted along with the interference; 0 without evidence. */
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
     window->reference = RL_NO_REFERENCE;
@@ -159,7 +146,7 @@ static double energy_in(struct rl_window *window, int zone, const struct rl_verd
     return likelihood - price > window->whitened.null + RL_COST_OF_CHANCE ? gain * gain : 0.0;
 }
 
-/* The zones that saw a packet, of a sum those with a part in it, the strongest first. */
+/* List the zones that saw a packet, the strongest first; of a sum, those with part of its light. */
 static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdict, int32_t *zones)
 {
     const struct rl_channel *sum = &window->samples->channel[verdict->channel];
@@ -181,7 +168,7 @@ static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdi
     return seen;
 }
 
-/* When the packet begins that the window holds the most of: maybe before the window. */
+/* The start of the packet of which the window holds most; it may be before the window. */
 static double start_of(const struct rl_verdict *verdict)
 {
     const struct rl_transmission *transmission = &verdict->transmission;

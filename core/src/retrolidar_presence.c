@@ -3,10 +3,10 @@
  */
 /* Whether a marker that is followed is still there, and still sends the same.
  *
- * Each frame the light that was seen is held against the light that was predicted. A hidden Markov
- * model weighs six explanations: as predicted; hidden; beside another marker, dark or bright, that
- * is unknown; and of other bits, dark or bright. What stays unseen for too long is gone, whatever
- * hides it.
+ * In each frame the measured light is compared with the predicted one. A hidden Markov model
+ * weights six explanations: as predicted; hidden; beside an unknown marker, which is dark or
+ * bright; and sending other bits, dark or bright. A marker that stays unseen for too long is gone,
+ * whatever hides it.
  */
 #include "retrolidar_followed.h"
 
@@ -15,17 +15,17 @@
 
 enum { SAME, HIDDEN, BESIDE_DARK, BESIDE_BRIGHT, OTHER_DARK, OTHER_BRIGHT };
 
-/* How often each begins and ends [1/s]. */
+/* Rates at which each begins and ends [1/s]. */
 static const double HIDES = 0.1, SHOWS = 5.0, GAINS = 0.6, LOSES = 0.3, CHANGES = 0.1;
-/* By how much a model of light is wrong, for itself and as a share of the light. */
+/* Error of the predicted light: constant, and as a share of it. */
 static const double OFFSET = 0.05, SHARE = 0.15;
-/* Likelihood of what no model explains, and of an edge within an exposure of other bits. */
+/* Likelihood of any light; and the share of exposures with an edge of other bits. */
 static const double ANYTHING = 0.01, EDGES = 0.25;
-/* Light of another marker beside it may be so many times as bright. */
+/* Greatest light of an unknown marker, over that of this one. */
 static const double MAX_MORE = 1.2;
-/* That a bright bit is of any other brightness: its gain has changed, or it is another marker's. */
+/* Probability that a bright bit has another brightness: the gain has changed, or other bits. */
 static const double ANY_GAIN = 0.5;
-/* Gone after so many bits unseen, of which dark ones count a part: the experiment `track-ends`. */
+/* A marker is gone after so many unseen bits; dark ones count a part: experiment `track-ends`. */
 static const double GONE_BITS = 8.5, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
 static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
 static const double MIN_CHANCE = 1e-9, MAX_STEP_S = 0.1;
@@ -101,8 +101,8 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
     }
 }
 
-/* Whether the light was seen, by the sum of the evidence since it was last (Page 1954). */
-static int see(struct rl_presence *presence, const struct rl_glance *glance)
+/* Whether the light is seen, by the sum of the evidence since it was seen last (Page 1954). */
+static bool see(struct rl_presence *presence, const struct rl_glance *glance)
 {
     const double light = glance->light, off = glance->measured - light;
     const double variance = glance->variance + OFFSET * OFFSET + glance->edge_variance;
@@ -111,7 +111,7 @@ static int see(struct rl_presence *presence, const struct rl_glance *glance)
         presence->seen_nats = fmax(presence->seen_nats + fmin(nats, 2.0 * SEEN), 0.0);
     }
     if (presence->seen_nats < SEEN) {
-        return 0;
+        return false;
     }
     presence->seen_nats = 0.0;
     return light > BRIGHT_LIGHT;
@@ -122,9 +122,9 @@ double rl_presence_doubt(const struct rl_presence *presence)
     return 1.0 - presence->chance[SAME] - presence->chance[HIDDEN];
 }
 
-int rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance)
+bool rl_presence_update(struct rl_presence *presence, const struct rl_glance *glance)
 {
-    int seen = 0;
+    bool seen = false;
     change(presence->chance, glance);
     presence->unseen_bits +=
         glance->step_s / glance->bit_s * (glance->light > BRIGHT_LIGHT ? 1.0 : DARK_PART);

@@ -1,8 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What is searched when: after each frame, the channels in which a packet may have ended or come.
- */
+/* What is searched after each frame: channels in which a packet may have ended or appeared. */
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
@@ -10,11 +9,11 @@
 enum {
     FOLDS = 5,
     STRETCH_BITS = 2, /* between two searches of the last packet of each channel */
-    MAX_WORDS = 300, /* soft bits that are held against all words with a frame, at the most */
+    MAX_WORDS = 300, /* shortlist entries per frame that are compared with all words, at most */
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
-/* Search channels, in which the light of a reference has been subtracted, if any. */
+/* Search channels; reference: zone whose light was subtracted from them, or RL_NO_REFERENCE. */
 static void search_less(struct rl_detector *detector, int reference, const int *channels,
                         int count, int packets, double from_s, double to_s, double since_s)
 {
@@ -22,8 +21,8 @@ static void search_less(struct rl_detector *detector, int reference, const int *
     if (count == 0) {
         return;
     }
-    rl_search_look(&detector->search, channels, count, packets, from_s, to_s, since_s,
-                   detector->max_llr_deficit, hits);
+    rl_search_channels(&detector->search, channels, count, packets, from_s, to_s, since_s,
+                       detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
         hits[i].reference = reference;
         if (hits[i].count > 0 && detector->pendings < RL_MAX_PENDING) {
@@ -39,7 +38,7 @@ static void search(struct rl_detector *detector, const int *channels, int count,
     search_less(detector, RL_NO_REFERENCE, channels, count, packets, from_s, to_s, since_s);
 }
 
-/* Channels that have not been read for so long, and are active if that is asked. */
+/* List the channels without a reading in the last `bits`; active: only those that vary. */
 static int ready(const struct rl_detector *detector, double bits, double to_s, bool active,
                  int max_zones, int *channels)
 {
@@ -55,8 +54,8 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
     return count;
 }
 
-/* Of some channels, those in which so many bits have just come since the last packet that was read,
- * or since the first sample, at 0.
+/* Keep the channels in which, since the last packet read (or since time 0), so many bits became
+ * complete within (from_s, to_s].
  */
 static int due(const struct rl_detector *detector, int *channels, int count, double bits,
                double from_s, double to_s)
@@ -72,18 +71,18 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
     return kept;
 }
 
-/* Subtract what was read a short while ago from the zones it was read in, from those beside them
- * that it explains, and from sums of them. Return these zones, and how the rest of each of their
- * channels varies, in the variance of noise.
+/* Subtract packets that were read lately from the zones they were read in, from zones beside them
+ * that they explain, and from sums of these. Return the zones; rest: the variance that is left in
+ * each of their channels, over that of the noise.
  *
- * since_s: what ended before is not subtracted
+ * since_s: packets that ended more than RL_CONTINUES_BITS earlier are not subtracted
  */
 static uint64_t subtract_read(struct rl_detector *detector, double since_s, double to_s,
                               double *rest)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
-    /* As long as no whole packet can have come since the reading. */
+    /* A zone is searched until about three packets after its last reading. */
     const double over_s = to_s - (2 * RL_PACKET_BITS + RL_CONTINUES_BITS) * bit_s;
     uint64_t zones = rl_pool_zones(&detector->pool, over_s);
     for (int zone = 0; zone < samples->zones; zone++) {
@@ -112,11 +111,10 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
     return zones;
 }
 
-/* Search channels in which packets were read a short while ago for others, with these subtracted
- * (successive interference cancellation). A packet that ended while another one was sent is found
- * once both can be told apart: when the other has been read.
+/* Subtract packets that were read lately, and search for others (successive interference
+ * cancellation). A packet that ended during another one is found after that other one was read.
  *
- * from_s: when the last packet ended that was searched with what is known, too
+ * from_s: packets that ended earlier have been searched with the same ones subtracted
  */
 static void search_residual(struct rl_detector *detector, double from_s, double to_s)
 {
@@ -145,8 +143,8 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
     detector->read_anew = 0;
 }
 
-/* Search strong zones with the light subtracted that a zone beside them sees, if that explains most
- * of what they see.
+/* Subtract the light of a zone beside from strong zones, and search them if that explains most of
+ * their variance.
  */
 static void search_beside(struct rl_detector *detector, double to_s)
 {
@@ -175,13 +173,17 @@ static void search_beside(struct rl_detector *detector, double to_s)
     }
 }
 
-/* Judge the packets that follow those that were read, if their markers go on. */
+/* Judge the next packet of each active track, without a search. */
 static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
-    const struct rl_active_track *track;
-    for (int i = 0; (track = rl_pool_due(&detector->pool, &i, from_s, to_s)) != NULL;) {
+    for (int i = 0; i < detector->pool.count && detector->decisions_left > 0; i++) {
+        const struct rl_active_track *track = &detector->pool.track[i];
         struct rl_transmission next = track->train.transmission;
         const double packet_s = RL_PACKET_BITS * next.bit_s;
+        const double end_s = track->train.end_s + packet_s;
+        if (!(end_s > from_s && end_s <= to_s)) {
+            continue;
+        }
         /* The packet that the newest stretch of its length begins in. */
         next.start_s += packet_s * floor((to_s - next.start_s) / packet_s - 1.0);
         next.repeats = true;
@@ -190,20 +192,18 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
             .packets = 1,
             .since_s = -INFINITY,
             .hits = {.reference = RL_NO_REFERENCE, .count = 1, .hit = {{0.0f, track->id, next}}}};
-        if (detector->decisions_left > 0) {
-            rl_judge(detector, &pending, to_s);
-        }
+        rl_judge(detector, &pending, to_s);
     }
 }
 
-/* Search zones in which something has appeared, and nothing was read since, with each bit, in the
- * samples since then only.
+/* Search zones where something appeared lately, and nothing was read since, in the samples since
+ * then only.
  */
 static void search_appeared(struct rl_detector *detector, double to_s)
 {
     const double bit_s = detector->settings.bit_s;
     const double min_bits =
-        rl_decide_min_bits(&detector->search.codebook, &detector->settings.demands);
+        rl_decide_min_bits(&detector->search.codebook, &detector->settings.thresholds);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
@@ -213,8 +213,8 @@ static void search_appeared(struct rl_detector *detector, double to_s)
     }
 }
 
-/* Note since when zones vary by more than their noise: from the end of the newest exposure, which
- * has seen only a part of what has just appeared.
+/* Note since when zones vary by more than their noise: from the end of the newest exposure on, as
+ * that has seen only a part of what has just appeared.
  */
 static void note_active(struct rl_detector *detector, double to_s)
 {
@@ -225,7 +225,7 @@ static void note_active(struct rl_detector *detector, double to_s)
     }
 }
 
-/* Whether a time that comes again and again has come since another one. */
+/* Whether a multiple of `every_s` lies within (from_s, to_s]. */
 static bool comes(double every_s, double from_s, double to_s)
 {
     return floor(to_s / every_s) > floor(from_s / every_s);
@@ -236,7 +236,7 @@ static float rank(const struct rl_detector *detector, int index)
 {
     const struct rl_pending *pending = &detector->pending[index];
     const bool is_sum = detector->samples.channel[pending->channel].zones > 1;
-    /* Sums are asked after zones that explain nearly as much. */
+    /* A sum is judged after zones that explain nearly as much. */
     return (is_sum ? (float)RL_MOST : 1.0f) * pending->hits.hit[0].nats;
 }
 
@@ -245,14 +245,14 @@ void rl_process_frame(struct rl_detector *detector)
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     const double to_s = samples->end_s[samples->count - 1];
-    const double from_s = fmax(detector->looked_s, to_s - RL_PACKET_BITS * bit_s);
+    const double from_s = fmax(detector->searched_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
     int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = MAX_WORDS;
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
-    detector->looked_s = to_s;
+    detector->searched_s = to_s;
     note_active(detector, to_s);
     const double packet_bits = RL_PACKET_BITS * (1.0 - RL_MAX_SKEW) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
@@ -266,7 +266,7 @@ void rl_process_frame(struct rl_detector *detector)
     }
     const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
     const bool is_new_slot = comes(RL_LOOK_BITS * bit_s, from_s, to_s);
-    /* More packets are looked at as soon as there are as many, and then in turn. */
+    /* Several packets are searched as soon as so many have come, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + RL_MAX_SKEW) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {

@@ -11,9 +11,9 @@
 
 enum { STILL, EVEN, TURNING, CHANGED };
 
-/* Rates, accelerations, losses and rates begun are fitted to emulated markers that rest, go to and
- * fro evenly, swing, are carried by hand, or go and stop, at 1 and 2 m: by likelihood, error and
- * pull of all their ranges.
+/* All these numbers are fitted to emulated markers that rest, go to and fro evenly, swing, are
+ * carried by hand, or go and stop, at 1 and 2 m: by likelihood, error and normalised error of their
+ * ranges.
  */
 /* How often one motion becomes another [1/s]. */
 static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
@@ -22,13 +22,13 @@ static const double RATE[RL_MOTIONS][RL_MOTIONS] = {
     {1e-4, 0.01, 0.0, 0.6},
     {2e-4, 0.7, 0.4, 0.0},
 };
-/* Spectral density of the acceleration [m^2/s^3]; one at rest trembles [m^2/s]. */
+/* Spectral density of the acceleration [m^2/s^3], and of the position at rest [m^2/s]. */
 static const double ACCELERATION[RL_MOTIONS] = {0.0, 3e-6, 1.0, 0.01};
 static const double TREMBLE = 1e-9;
 static const double SLOWS[RL_MOTIONS] = {0.0, 0.1, 2.5, 0.0}; /* share of the rate lost [1/s] */
-/* Of a rate before anything is known of it, and of one at rest [m/s]. */
+/* Deviations of a rate that is not known, and of one at rest [m/s]. */
 static const double ANY_RATE = 0.5, REST_RATE = 1e-3;
-/* Of one that begins to move so [m/s]. */
+/* Deviation of the rate after rest, by the motion that begins [m/s]. */
 static const double BEGUN_RATE[RL_MOTIONS] = {0.0, 0.5, 0.02, 2e-4};
 static const double FIRST_CHANCE[RL_MOTIONS] = {0.4, 0.2, 0.3, 0.1};
 static const double MIN_CHANCE = 1e-12, MIN_VARIANCE = 1e-10;
@@ -37,15 +37,15 @@ void rl_range_start(struct rl_range_filter *filter, double range_m, double varia
 {
     for (int i = 0; i < RL_MOTIONS; i++) {
         const double rate = i == STILL ? REST_RATE : ANY_RATE;
-        filter->motion[i] =
-            (struct rl_motion){FIRST_CHANCE[i], range_m, 0.0, variance, 0.0, rate * rate};
+        filter->chance[i] = FIRST_CHANCE[i];
+        filter->motion[i] = (struct rl_motion){range_m, 0.0, variance, 0.0, rate * rate};
     }
 }
 
 /* Mean and covariance of motions with such weights, whose sum is `total`. */
 static struct rl_motion mixture(const struct rl_motion *motions, const double *weight, double total)
 {
-    struct rl_motion mean = {.chance = total};
+    struct rl_motion mean = {.range_m = 0.0};
     for (int i = 0; i < RL_MOTIONS; i++) {
         mean.range_m += weight[i] / total * motions[i].range_m;
         mean.rate += weight[i] / total * motions[i].rate;
@@ -80,7 +80,7 @@ static void move(struct rl_motion *one, int motion, double step_s)
     one->rate_variance = fmin(one->rate_variance + noise, 4.0 * ANY_RATE * ANY_RATE);
 }
 
-/* A motion, as it is when another one begins. */
+/* The state of a motion as it changes to another one. */
 static struct rl_motion begin(const struct rl_motion *from, int motion, int to)
 {
     struct rl_motion begun = *from;
@@ -96,7 +96,7 @@ static struct rl_motion begin(const struct rl_motion *from, int motion, int to)
 
 void rl_range_predict(struct rl_range_filter *filter, double step_s)
 {
-    struct rl_motion after[RL_MOTIONS];
+    struct rl_range_filter after;
     for (int to = 0; to < RL_MOTIONS; to++) {
         struct rl_motion before[RL_MOTIONS];
         double weight[RL_MOTIONS], total = 0.0;
@@ -108,15 +108,14 @@ void rl_range_predict(struct rl_range_filter *filter, double step_s)
             const double left = 1.0 - exp(-all * step_s);
             const double change = from == to ? 1.0 - left : left * RATE[from][to] / all;
             before[from] = begin(&filter->motion[from], from, to);
-            weight[from] = change * filter->motion[from].chance;
+            weight[from] = change * filter->chance[from];
             total += weight[from];
         }
-        after[to] = mixture(before, weight, total);
-        move(&after[to], to, step_s);
+        after.chance[to] = total;
+        after.motion[to] = mixture(before, weight, total);
+        move(&after.motion[to], to, step_s);
     }
-    for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i] = after[i];
-    }
+    *filter = after;
 }
 
 void rl_range_update(struct rl_range_filter *filter, double range_m, double variance, double share)
@@ -134,23 +133,19 @@ void rl_range_update(struct rl_range_filter *filter, double range_m, double vari
         one->common -= gain * share * one->common;
         one->variance = fmax(one->variance - gain * share * one->variance, MIN_VARIANCE);
         one->rate_variance = fmax(one->rate_variance, MIN_VARIANCE);
-        nats[i] = log(one->chance) - (innovation * innovation / spread + log(spread)) / 2.0;
+        nats[i] = log(filter->chance[i]) - (innovation * innovation / spread + log(spread)) / 2.0;
         most = fmax(most, nats[i]);
     }
     for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i].chance = fmax(exp(nats[i] - most), MIN_CHANCE);
-        total += filter->motion[i].chance;
+        filter->chance[i] = fmax(exp(nats[i] - most), MIN_CHANCE);
+        total += filter->chance[i];
     }
     for (int i = 0; i < RL_MOTIONS; i++) {
-        filter->motion[i].chance /= total;
+        filter->chance[i] /= total;
     }
 }
 
 struct rl_motion rl_range_estimate(const struct rl_range_filter *filter)
 {
-    double weight[RL_MOTIONS];
-    for (int i = 0; i < RL_MOTIONS; i++) {
-        weight[i] = filter->motion[i].chance;
-    }
-    return mixture(filter->motion, weight, 1.0);
+    return mixture(filter->motion, filter->chance, 1.0);
 }

@@ -9,11 +9,11 @@
 
 enum { OWN = 1, DARK = 2, MIN_DISTANCES = 2 };
 
-/* A zone sees the marker while its signal has this share of that at this quantile. */
+/* The marker is within the zone while the signal exceeds this share of this quantile. */
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
 static const double TWO_PI = 6.283185307179586;
 
-/* The value that a share of some values are below, which it moves. */
+/* A quantile of some values; it moves them. */
 static double quantile(float *values, int count, double share)
 {
     const double at = share * (count - 1);
@@ -26,8 +26,8 @@ static double quantile(float *values, int count, double share)
     return low + (at - before) * (high - low);
 }
 
-/* Whether the background was separated from the marker, and so is no part of its pulse. Near the
- * limit it is if subtracting it would put the marker beyond the limit.
+/* Whether the sensor separated the background from the marker, so that it is no part of the pulse.
+ * Near the limit it did if subtracting the background would put the marker beyond the limit.
  */
 static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *parted,
                      double separable_m)
@@ -44,9 +44,9 @@ double rl_chance_apart(double squared, double spread, double separable_m)
     return anywhere / (mounted + anywhere);
 }
 
-/* Where it is open whether a background need be subtracted: in the same pulse it is mostly what the
- * marker is mounted on, and then subtracting it only adds noise. So both hypotheses are weighted by
- * the step between the two distances.
+/* Weight the distances with and without subtraction of the background by the likelihood of the step
+ * between them: a background in the same pulse is mostly the marker's mounting, and then
+ * subtracting it only adds noise.
  *
  * share: of the background in the signal while the marker is bright
  */
@@ -69,13 +69,13 @@ static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, doubl
 /* How the marker moved while it was seen, along the line of sight. */
 struct motion {
     double noise;    /* variance of a sample about its course */
-    double bend_m;   /* from the mean to where it was at the mean time */
-    double variance; /* of that, which zones have in common */
+    double bend_m;   /* from its mean distance to that at the mean time */
+    double variance; /* of that; all zones share it */
 };
 
-/* What `alone` of the samples of the marker says about its motion: a bend from a line, as then the
- * mean is not where the marker was at the mean time; and what samples have in common with the ones
- * before, by which the mean is off. Both only if they explain what a parameter costs.
+/* Fit the motion of the marker to `alone`: the bend of a parabola, as then the mean is not where
+ * the marker was at the mean time; and the correlation of successive samples, which adds to the
+ * variance of the mean. Each only if it explains what a parameter costs.
  */
 static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, double middle_s)
 {
@@ -93,7 +93,7 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
     mean /= count;
     slope /= times;
     skew /= times;
-    /* The square of the time less a line. */
+    /* `bend` is the squared time, made orthogonal to a line. */
     const double level = times / count;
     double energy = 1e-12, curve = 0.0, squares = 1e-30;
     for (int row = 0; row < seen->rows; row++) {
@@ -125,7 +125,6 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
         motion.bend_m = -curve * level;
         motion.variance = motion.noise * level * level / energy;
     }
-    /* A correlation has to explain what a parameter costs. */
     const double correlation = fmax(alike / squares, 0.0);
     if (count * correlation * correlation / 2.0 > RL_COST_OF_GAIN) {
         motion.variance += alike / count;
@@ -147,8 +146,8 @@ static int mark_own(const struct rl_seen *seen, float *values, uint8_t *role)
     if (count == 0) {
         return 0;
     }
-    /* A moving marker is in the zone for a part of the time only; of one beside others, that is not
-     * to be seen in the signal.
+    /* A moving marker is within the zone for a part of the time only. With other markers beside it,
+     * the signal does not show when.
      */
     const double least = seen->others > 0 ? 0.0 : IN_ZONE * quantile(values, count, BRIGHTEST);
     for (int row = 0; row < seen->rows; row++) {
@@ -186,7 +185,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
             time_s += (seen->begin_s[row] + seen->end_s[row]) / 2 / own;
             signal += (double)seen->signal[row] / own;
         } else if (seen->valid[row] && seen->light[row] < (1.0 - RL_BRIGHT)) {
-            /* What is apart from the marker is no part of its pulse. */
+            /* A separated background is no part of the marker's pulse. */
             const double gap_m = fabs((double)seen->distance[row] - depth_m) -
                                  3.0 * sensor->ranging_shot / (double)seen->signal[row];
             role[row] = gap_m >= sensor->separable_m ? 0 : DARK;
@@ -207,7 +206,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     double others = 0.0;
     const bool blinks = dark > 0 && rl_blinking_range(seen, role, depth_m, &parted, &others);
     if (blinks && others > 0.0) {
-        /* Their light is in the mean of the distances, too, from anywhere that merges. */
+        /* Their light shifts the mean of the distances, by up to `separable_m`. */
         ranged->variance += others * others * sensor->separable_m * sensor->separable_m / 3.0;
         if (parted.variance < ranged->variance) {
             *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s, 0.0};
@@ -221,6 +220,6 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     ranged->common = motion.variance;
     /* Quantisation adds the variance of a uniform distribution. */
     ranged->variance += sensor->distance_step_m * sensor->distance_step_m / 12.0 / own;
-    /* Noise may put it beyond. */
+    /* Noise may have put it out of range. */
     return ranged->depth_m > 0.0 && ranged->depth_m < sensor->max_distance_m;
 }

@@ -12,6 +12,8 @@
 
 /* Distance of a marker from the surface that it is mounted on. */
 static const double RL_MOUNTING_M = 0.005;
+/* No range is less, whatever the sensor's offset. */
+static const double RL_NEAREST_M = 1e-3;
 
 /* binding */
 enum { RL_MAX_OTHERS = 2 }; /* markers beside one in a zone */
@@ -22,9 +24,9 @@ struct rl_seen {
     int32_t rows;
     const double *begin_s, *end_s; /* of each exposure [s] */
     const double *light;           /* how bright the marker was, 0 to 1 */
-    int32_t others;                /* markers besides that are known to blink in the zone ... */
+    int32_t others;                /* other markers that are known to blink in the zone ... */
     double *other;                 /* ... and their light, overwritten, others * rows */
-    double *alone;                 /* memory of rows: what of the light is not as theirs */
+    double *alone;                 /* memory of rows: the part of the light orthogonal to theirs */
     const uint8_t *valid;
     const float *signal;   /* [kcps/SPAD] */
     const float *distance; /* along the optical axis [m], NaN where there was no target */
@@ -33,28 +35,28 @@ struct rl_seen {
 /* How far a marker was, along the optical axis, and when. */
 struct rl_ranged {
     double depth_m, variance, time_s;
-    double common; /* variance besides, which ranges by other zones have in common */
+    double common; /* further variance, which the ranges of all zones share */
 };
 
-/* Find how far a marker is; false without distances. There are `rows` of values and role. */
+/* Find how far a marker is; false without distances. values, role: memory of `rows` each. */
 bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged);
 /* end of binding */
 
-/* Make the light of the others, and then the marker's own, orthogonal to all before, over the
- * samples that have a role. Return the energy of the latter.
+/* Make the light of the others, and then the marker's own, orthogonal to all before it, over the
+ * samples that have a role. Return the energy of the marker's own.
  */
 double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
 
-/* Find the distance of what blinks in the samples that have a role, from a first guess; false where
- * nothing does. Then `alone` is what is left over, over the gain [m].
+/* Find the distance of the light that blinks in the samples that have a role, from a first guess;
+ * false if none blinks. Then `alone` is the residual over the gain [m].
  *
  * others: share of the signal that is light of other markers, 0 unless they are seen
  */
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
                        struct rl_ranged *found, double *others);
 
-/* The chance that what is so far from a marker is a background, anywhere that merges, and not its
- * mounting; spread: variance of a mounting's distance [m^2].
+/* The probability that a surface at this squared distance from a marker is a background, anywhere
+ * within `separable_m`, and not its mounting; spread: variance of a mounting's distance [m^2].
  */
 double rl_chance_apart(double squared, double spread, double separable_m);
 

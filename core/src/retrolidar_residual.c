@@ -1,8 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What zones show without the packets that have been read in them: there, fainter ones are found
- * (successive interference cancellation).
+/* Signals of zones less the packets that were read in them, to find fainter ones (successive
+ * interference cancellation).
  */
 #include "retrolidar_detector_state.h"
 
@@ -20,7 +20,7 @@ void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
     rl_room_start(&residual->room, samples->kept, memory);
 }
 
-/* Subtract one marker, as far as it was read, or as if it went on. */
+/* Subtract one marker, as far as it was read, or as if it continued. */
 static void subtract(struct rl_residual *residual, const struct rl_interference *interference,
                      int marker, float *signal, const uint8_t *valid, int rows)
 {
@@ -35,7 +35,7 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
                               light);
         profile[continues] = rl_gain_profile_fit(signal, valid, light, rows, gain[continues]);
     }
-    /* Of another packet about half would be there, too, as all have the preamble. */
+    /* Another packet would explain about half of it, too, as all begin with the preamble. */
     const double expected =
         profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);
     const int form = profile[1].cross - profile[0].cross > RL_MOST * expected;
@@ -48,7 +48,7 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     }
 }
 
-/* How a channel varies over the newest rows, in the variance of noise. */
+/* Variance of a channel over the newest rows, over that of its noise. */
 static double variation(const struct rl_residual *residual, int channel)
 {
     const struct rl_samples *samples = residual->samples;
@@ -83,7 +83,7 @@ static int save_since(struct rl_residual *residual, int zone, double from_s)
     return save(residual, zone);
 }
 
-/* A missing sample is like the one before it, as in what was measured. */
+/* An erasure repeats the sample before it, as in the samples that are held. */
 static void fill_missing(float *signal, const uint8_t *valid, int rows)
 {
     for (int row = 1; row < rows; row++) {
@@ -98,7 +98,7 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     const int rows = save_since(residual, zone, from_s);
     const size_t at = rl_sample(samples, zone, residual->first);
     float *signal = samples->signal + at;
-    /* Without the packet nothing would tell its target from that behind it. */
+    /* Without the packet, the targets could not be told apart any more. */
     const struct rl_column column =
         rl_target_column(samples, zone, residual->first, rows, false, &residual->room);
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Packets of other IDs that may have been sent, alone or one after the other. */
+/* The margin test: packets of other IDs, alone or one after the other. */
 #include "retrolidar_decide.h"
 
 #include "retrolidar_math.h"
@@ -10,7 +10,7 @@
 #include <string.h>
 
 struct rival {
-    float nats; /* about, less those of the packet in question */
+    float nats; /* approximate log likelihood, less that of the packet that is judged */
     struct rl_transmission transmission;
 };
 
@@ -19,7 +19,7 @@ struct rivals {
     struct rival best[RL_TRIED];
 };
 
-/* Add what a bit does if it is flipped to what the packet does that has it, if any. */
+/* Add the effect of flipping a bit of the window to the bit of another packet there, if any. */
 static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool dark, float flipped)
 {
     of = repeats ? rl_bit_of(of) : of;
@@ -28,7 +28,9 @@ static void add_weight(float weight[RL_PACKET_BITS], int of, bool repeats, bool 
     }
 }
 
-/* What each dark bit of another packet, from `begin` on, would do [nats]; return that of none. */
+/* Find the effect of each dark bit of another packet that begins at `begin`; return that of no dark
+ * bits [nats].
+ */
 static float weigh(const struct rl_bits *bits, int begin, bool repeats,
                    float weight[RL_PACKET_BITS])
 {
@@ -38,7 +40,7 @@ static float weigh(const struct rl_bits *bits, int begin, bool repeats,
         all += bits->dark[bit] ? bits->flipped[bit] : 0.0f;
         add_weight(weight, bit - begin, repeats, bits->dark[bit], bits->flipped[bit]);
     }
-    /* Exposures at the ends see some of the bits beyond, which are best as they are. */
+    /* Exposures at the ends also see the bits beyond, which are better as they are. */
     add_weight(weight, -1 - begin, repeats, bits->dark_before, -(float)RL_AS_GOOD);
     add_weight(weight, bits->count - begin, repeats, bits->dark_after, -(float)RL_AS_GOOD);
     return all;
@@ -53,7 +55,7 @@ static float sum_of(uint32_t packet, const float weight[RL_PACKET_BITS])
     return nats;
 }
 
-/* What no packet exceeds. */
+/* A bound for all packets. */
 static float max_of(const float weight[RL_PACKET_BITS])
 {
     float most = rl_add_preamble(0.0f, weight);
@@ -64,7 +66,7 @@ static float max_of(const float weight[RL_PACKET_BITS])
 }
 
 /* Find the packet, not of the ID in question, that is likeliest if it begins at a bit of the
- * window, by the sum over the bits that it turns.
+ * window, by the sum over the bits that it flips.
  */
 static void find_rival(const struct rl_case *judged, int begin, bool repeats,
                        struct rivals *rivals)
@@ -113,7 +115,7 @@ static struct rivals find_rivals(const struct rl_case *judged)
     return rivals;
 }
 
-/* The greater one of a likelihood and that of a packet, refined if it is near. */
+/* The greater of `nearest` and the log likelihood of a packet, which is refined if it is near. */
 static double nearer_of(const struct rl_case *judged, struct rl_transmission other, double nearest)
 {
     double likelihood = rl_window_try(judged->window, &other);
@@ -139,7 +141,7 @@ double rl_rivals_margin(const struct rl_case *judged)
     return judged->own - nearest;
 }
 
-/* The same where markers are seen in a part of the window only: before a row, or from it on. */
+/* The same if markers are seen in a part of the window only: before a row, or from it on. */
 static double margin_of_part(const struct rl_case *judged, int split, bool later)
 {
     struct rl_window *window = judged->window;
@@ -171,9 +173,9 @@ double rl_rivals_part_margin(const struct rl_case *judged)
     return margin;
 }
 
-/* What is seen in a window of a packet that has ended in it, or begins. */
+/* A packet that ends in the window, or begins in it. */
 struct cut_packet {
-    float nats; /* of its dark bits: at the most, until a word is found */
+    float nats; /* of its dark bits; a bound until a word is found */
     bool is_found;
     int word;
 };
@@ -205,9 +207,9 @@ static void find_word(const struct rl_case *judged, int begin, struct cut_packet
     }
 }
 
-/* Find the likeliest two, back to back, by the sums over the bits that they flip. What is seen of
- * the shorter one might be any ID, which has its price. One ID back to back is a packet that
- * repeats, which is tried by itself.
+/* Find the likeliest two packets back to back, by the sums over the bits that they flip. The
+ * shorter part fits some ID by chance, which has a price. One ID twice is a packet that repeats,
+ * which is tried by itself.
  */
 static struct two_packets find_two(const struct rl_case *judged, struct cut_packet *ended,
                                    struct cut_packet *begun)

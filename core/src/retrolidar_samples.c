@@ -86,7 +86,7 @@ static void make_room(struct rl_samples *samples)
     samples->count = samples->kept;
 }
 
-/* Whether a zone that sees nothing was seen so lately that a packet may be dark since. */
+/* Whether a zone had a target so lately that a packet may have been dark since then. */
 static bool may_be_dark(const struct rl_samples *samples, int zone, double time_s)
 {
     return time_s - samples->last_seen_s[zone] < RL_MAX_DARK_BITS * samples->bit_s;
@@ -107,14 +107,14 @@ static double recent_variance(const struct rl_samples *samples, int zone, int ro
     return (square - sum * sum / count) / count;
 }
 
-/* A sum is valid if what is not known of it, as zones are erased, is less than its noise. */
+/* A sum is valid if the variance of its erased zones is less than half of its noise. */
 static void sum_zones(struct rl_samples *samples, int row)
 {
     float signal[RL_MAX_ZONES];
     double unknown[RL_MAX_ZONES];
     for (int zone = 0; zone < samples->zones; zone++) {
         signal[zone] = samples->signal[rl_sample(samples, zone, row)];
-        /* A zone that sees nothing for long is dark, and no reason to believe less. */
+        /* A zone without a target for long is dark; it makes the sum no less certain. */
         const bool is_erased = !samples->valid[rl_sample(samples, zone, row)] &&
                                may_be_dark(samples, zone, samples->end_s[row]);
         unknown[zone] = is_erased ? recent_variance(samples, zone, row) : 0.0;
@@ -182,8 +182,9 @@ static void fill_row(struct rl_samples *samples, int row, double time_s, const f
             samples->last_signal[zone] = *signal = s;
             continue;
         }
-        /* A marker that blocks the light leaves nothing to see. */
-        const bool nothing = meaning == RL_NOTHING || (meaning == RL_FAINT && !(s >= low_signal));
+        /* A dark marker with nothing behind it returns no light. */
+        const bool nothing =
+            meaning == RL_NO_TARGET || (meaning == RL_LOW_SIGNAL && !(s >= low_signal));
         *valid = nothing && may_be_dark(samples, zone, time_s);
         *signal = nothing ? 0.0f : samples->last_signal[zone];
     }
@@ -226,17 +227,16 @@ static void follow_ambient(struct rl_samples *samples, const float *ambient)
     samples->ambient = count > 0 ? rl_median(values, count) : 0.0;
 }
 
-int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
-                    const float *distance, const float *ambient, const uint8_t *status)
+void rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
+                     const float *distance, const float *ambient, const uint8_t *status)
 {
     const double time_s = (double)(stamp_ns - samples->origin_ns) * 1e-9;
-    int rows = 1;
     if (samples->count > 0) {
         const double before_s = middle_of(samples, samples->count - 1);
         const double periods =
             fmin((time_s - before_s) / samples->period_s + 0.4, samples->kept / 2);
         follow_period(samples, time_s - before_s);
-        rows = periods < 1.0 ? 1 : (int)periods;
+        const int rows = periods < 1.0 ? 1 : (int)periods;
         const double step_s = (time_s - before_s) / rows;
         for (int missing = 1; missing < rows; missing++) {
             if (samples->count == samples->capacity) {
@@ -256,7 +256,6 @@ int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *s
     follow_ambient(samples, ambient);
     const int packet = (int)(RL_PACKET_BITS * samples->bit_s / samples->period_s + 0.5);
     rl_noise_follow(samples, packet < samples->kept ? packet : samples->kept, full);
-    return rows;
 }
 
 int rl_samples_oldest(const struct rl_samples *samples)

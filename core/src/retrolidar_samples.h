@@ -14,31 +14,31 @@
 #include <stdlib.h>
 
 enum {
-    RL_MAX_SIDE = 4,       /* of a square of zones that are summed, as wide as the view of 4x4 */
+    RL_MAX_SIDE = 4,       /* of a square of summed zones: the whole view of a 4x4 sensor */
     RL_MAX_CHANNELS = 174, /* all squares of 8x8 zones */
 };
 
-/* In place of the stamp of a frame: 0 is one like others. */
+/* The stamp of a row without a frame; 0 is a valid stamp. */
 #define RL_NO_FRAME INT64_MIN
 
-/* What is searched for packets: a zone, or a sum of zones, through which a marker may cross. */
+/* A signal that is searched for packets: a zone, or a sum of zones that a marker may cross. */
 struct rl_channel {
-    int zones; /* how many it sums */
+    int zones; /* in the sum */
     uint8_t zone[RL_MAX_SIDE * RL_MAX_SIDE];
 };
 
-/* Rows are frame periods: a lost frame is a row of erasures. Of the arrays over rows and channels,
- * `capacity` values that follow each other are a channel's.
+/* A row is a frame period; a lost frame is a row of erasures. Arrays over rows and channels hold
+ * one channel after the other, `capacity` rows of each.
  */
 struct rl_samples {
     struct rl_sensor sensor;
     int zones;
     int channels;
     struct rl_channel channel[RL_MAX_CHANNELS];
-    int kept;                /* rows that are held for sure */
+    int kept;                /* newest rows that are always held */
     int capacity;            /* rows that there is memory for */
     int count;               /* rows that are held */
-    int64_t origin_ns;       /* from which times count */
+    int64_t origin_ns;       /* stamp at time 0 */
     double bit_s;            /* as expected [s] */
     double period_s;         /* of the frames, as measured; half a bit until then [s] */
     int64_t *stamp_ns;       /* of each frame; RL_NO_FRAME = none came */
@@ -46,10 +46,8 @@ struct rl_samples {
     float *signal;           /* [kcps/SPAD]; of an erasure, the last one before it */
     uint8_t *valid;          /* 0 = erasure */
     float *distance;         /* of zones only, NaN where none was measured [m] */
-    bool interference_removed[RL_MAX_CHANNELS]; /* while a packet is taken off: its own target is
-                                                 * all there is
-                                                 */
-    int variance_rows; /* how many of the newest rows the sums below are of */
+    bool interference_removed[RL_MAX_CHANNELS]; /* packets are subtracted: it has one target */
+    int variance_rows; /* newest rows in the sums below */
     double *sum, *square;
     double ambient;      /* median of the newest frame [kcps/SPAD] */
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
@@ -71,7 +69,7 @@ static inline bool rl_zone_beside(int zone, int other, int columns)
     return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
-/* Add a zone to some, the strongest first, of which no more are kept than `most`. */
+/* Insert a zone into a list of at most `most`, the strongest first. */
 static inline void rl_add_zone(int32_t *zones, int32_t *count, int32_t most, int zone,
                                const double *strength)
 {
@@ -94,23 +92,23 @@ void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor
 /* Begin, or forget all: times count from this stamp now. */
 void rl_samples_clear(struct rl_samples *samples, int64_t stamp_ns);
 
-/* Append a frame that is later than all before; return how many rows it has made. */
-int rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
-                    const float *distance, const float *ambient, const uint8_t *status);
+/* Append a frame that is later than all before, and erasures for those that were lost. */
+void rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,
+                     const float *distance, const float *ambient, const uint8_t *status);
 
-/* Number of the first row that is held for sure. */
+/* Number of the first row that is always held. */
 int rl_samples_oldest(const struct rl_samples *samples);
 
 /* Number of the first row whose exposure ends after a time. */
 int rl_samples_row(const struct rl_samples *samples, double time_s);
 
-/* Variance of the noise of a channel at a signal [(kcps/SPAD)^2], as the law says. */
+/* Variance of a channel's noise at a signal, by the sensor's law [(kcps/SPAD)^2]. */
 double rl_noise_variance(const struct rl_samples *samples, int channel, double signal);
 
 /* After a row was appended: update the sums to the newest rows, as many as `wanted`, or anew. */
 void rl_noise_follow(struct rl_samples *samples, int wanted, bool recompute);
 
-/* By how many times its noise a channel varies over the newest `variance_rows`. */
+/* Variance of a channel over the newest `variance_rows`, over the variance of its noise. */
 double rl_noise_variation(const struct rl_samples *samples, int channel);
 
 #endif

@@ -4,24 +4,23 @@
 #include "retrolidar_search.h"
 
 #include <math.h>
-#include <string.h>
 
-enum { EIGHTHS = 2 * RL_PHASES }; /* of a bit, by which packets that ended are tried */
+enum { EIGHTHS = 2 * RL_PHASES }; /* ends of packets that are tried in each bit */
 
-/* What stands out of strong samples is asked for more, as most of it is judged in vain. */
+/* In strong channels a hit needs so much more, as most of them are rejected later. */
 static const double STRONG_SHARE = 1.3;
-/* The longer the silence before a faint packet is remembered, the more certain its bright level. */
+/* A smaller walk remembers the silence before a faint packet longer: its level is more certain. */
 static const float WALKS[] = {0.01f, 0.1f, 0.002f};
 enum { WALK_COUNT = 3, FAINT_LONE = 2 };
 
 /* A stretch of a lane. */
 struct stretch {
-    float share; /* by how much its bits stand out */
+    float share; /* energy of its soft bits, over that of the samples */
     struct rl_trial trial;
     struct rl_soft_summary summary;
 };
 
-/* The stretches of a lane whose bits stand out most, by any sequence of bits. */
+/* The stretches of a lane with the greatest shares. */
 struct kept {
     int count;
     struct stretch stretch[RL_TRIED];
@@ -31,14 +30,11 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
                      struct rl_memory *memory)
 {
     search->samples = samples;
-    for (int which = 0; which < WALK_COUNT; which++) {
-        search->whitening[which].walk = WALKS[which];
-    }
     rl_view_start(&search->view, samples, memory);
 }
 
-/* Tabulate what whitening takes off two bits that are some bits apart: the kernel of the level, an
- * exponential to both sides, under two boxes of a bit.
+/* Find the energy that whitening removes from pairs of bits by their lag: the level's kernel, a
+ * two-sided exponential, under two boxes of a bit each.
  */
 static void plan(struct rl_search *search)
 {
@@ -50,7 +46,7 @@ static void plan(struct rl_search *search)
     search->frames_a_bit = frames;
     for (int which = 0; which < WALK_COUNT; which++) {
         struct rl_whitening *whitening = &search->whitening[which];
-        const double q = (double)whitening->walk;
+        const double q = (double)WALKS[which];
         const double memory = 1.0 + q / 2 - sqrt(q + q * q / 4);
         const double height = (1.0 - memory) / (1.0 + memory);
         double alone = 0.0, pair = 0.0;
@@ -62,6 +58,7 @@ static void plan(struct rl_search *search)
             }
         }
         const double scale = height * frames * frames / (FINE * FINE);
+        whitening->walk = WALKS[which];
         whitening->energy.own = rl_maxf((float)frames - 0.5f, 0.25f);
         whitening->energy.adjacent = 0.125f;
         whitening->energy.smooth = (float)(scale * alone);
@@ -78,13 +75,13 @@ static void integrate_all(struct rl_search *search, const struct rl_trial *trial
     }
 }
 
-/* Try packets that end at one time, at all clocks, in all lanes or in those that are promising. */
+/* Try packets that end at one time, at all clocks, in all lanes or in those with words only. */
 static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
-                     const struct rl_demand *demand)
+                     const struct rl_criteria *criteria)
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
     const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
-    struct rl_trial trial = {.end_s = end_s, .packets = 1, .energy = demand->energy};
+    struct rl_trial trial = {.end_s = end_s, .packets = 1, .energy = criteria->energy};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
@@ -92,25 +89,26 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
             integrate_all(search, &trial);
         }
         for (int lane = 0; lane < count; lane++) {
-            if (!all && search->shortlist[lane].words == 0) {
-                continue;
-            }
             if (!all) {
+                if (search->shortlist[lane].words == 0) {
+                    continue;
+                }
                 rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
             }
-            rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane, shifts);
+            rl_shortlist_add(&search->shortlist[lane], criteria, &trial, &search->sums, lane,
+                             shifts);
         }
     }
 }
 
-static void look_at_ended(struct rl_search *search, int count, double from_s, double to_s,
-                          const struct rl_demand *demand)
+static void search_ended(struct rl_search *search, int count, double from_s, double to_s,
+                         const struct rl_criteria *criteria)
 {
     const double eighth_s = search->samples->bit_s / EIGHTHS;
     const double newest = floor(to_s / eighth_s);
     int back = 0;
     for (; (newest - back) * eighth_s > from_s; back++) {
-        try_ends(search, count, (newest - back) * eighth_s, true, 1, demand);
+        try_ends(search, count, (newest - back) * eighth_s, true, 1, criteria);
     }
     bool promising = false;
     for (int lane = 0; lane < count; lane++) {
@@ -119,35 +117,36 @@ static void look_at_ended(struct rl_search *search, int count, double from_s, do
     if (!promising) {
         return;
     }
-    /* What else these may be: sequences of any phase. */
+    /* Rivals of these: sequences of bits at any phase. */
     for (; back < EIGHTHS; back++) {
-        try_ends(search, count, (newest - back) * eighth_s, false, 0, demand);
+        try_ends(search, count, (newest - back) * eighth_s, false, 0, criteria);
     }
 }
 
-/* Hold the bits of a stretch against all starts. */
-static void look_closely(struct rl_search *search, int lane, const struct stretch *stretch,
-                         const struct rl_demand *demand)
+/* Try all starts of a stretch. */
+static void try_starts(struct rl_search *search, int lane, const struct stretch *stretch,
+                       const struct rl_criteria *criteria)
 {
     struct rl_trial trial = stretch->trial;
-    if (rl_llr_upper_bound(demand, &trial, &stretch->summary) < (float)RL_MOST * demand->least) {
+    if (rl_llr_upper_bound(criteria, &trial, &stretch->summary) <
+        (float)RL_MOST * criteria->least) {
         return;
     }
     rl_view_place_bit_edges(&search->view, &trial);
     rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
-    rl_shortlist_add(&search->shortlist[lane], demand, &trial, &search->sums, lane,
+    rl_shortlist_add(&search->shortlist[lane], criteria, &trial, &search->sums, lane,
                      RL_PACKET_BITS);
 }
 
-static void look_at_stretches(struct rl_search *search, int count, int packets, double to_s,
-                              const struct rl_demand *demand)
+static void search_stretches(struct rl_search *search, int count, int packets, double to_s,
+                             const struct rl_criteria *criteria)
 {
     struct kept kept[RL_MAX_CHANNELS];
     const double bit_s = search->samples->bit_s;
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
     const int clocks = (int)(RL_MAX_SKEW * half_bits / 2 * RL_PHASES + 0.999);
     const double skew = RL_MAX_SKEW / clocks;
-    /* All stretches have the same middle, or up to a bit before. */
+    /* The middles of all stretches lie within one bit. */
     const double middle_s = to_s - half_bits * bit_s * (1.0 + RL_MAX_SKEW);
     for (int lane = 0; lane < count; lane++) {
         kept[lane].count = 0;
@@ -156,7 +155,7 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
         for (int quarter = 0; quarter < RL_PHASES; quarter++) {
             struct rl_trial trial = {.packets = packets,
                                      .bit_s = bit_s * (1.0 + clock * skew),
-                                     .energy = demand->energy};
+                                     .energy = criteria->energy};
             trial.end_s = middle_s - quarter * bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_place_bit_edges(&search->view, &trial);
             integrate_all(search, &trial);
@@ -170,14 +169,14 @@ static void look_at_stretches(struct rl_search *search, int count, int packets, 
     }
     for (int lane = 0; lane < count; lane++) {
         for (int i = 0; i < kept[lane].count; i++) {
-            look_closely(search, lane, &kept[lane].stretch[i], demand);
+            try_starts(search, lane, &kept[lane].stretch[i], criteria);
         }
     }
 }
 
-void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double max_llr_deficit,
-                    struct rl_hits *hits)
+void rl_search_channels(struct rl_search *search, const int *channels, int count, int packets,
+                        double from_s, double to_s, double since_s, double max_llr_deficit,
+                        struct rl_hits *hits)
 {
     const double longest_bits =
         RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + RL_MAX_SKEW);
@@ -199,18 +198,19 @@ void rl_search_look(struct rl_search *search, const int *channels, int count, in
             continue;
         }
         const double least = strong ? STRONG_SHARE * search->least : search->least;
-        const struct rl_demand demand = {(float)least, (float)max_llr_deficit, packets > 0,
+        const struct rl_criteria criteria = {(float)least, (float)max_llr_deficit, packets > 0,
                                          whitening->energy, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, fmax(first_s, since_s), to_s, whitening->walk);
         if (packets > 0) {
-            look_at_stretches(search, lanes, packets, to_s, &demand);
+            search_stretches(search, lanes, packets, to_s, &criteria);
         } else {
-            look_at_ended(search, lanes, from_s, to_s, &demand);
+            search_ended(search, lanes, from_s, to_s, &criteria);
         }
         const int dropped = rl_shortlists_ration(search->shortlist, lanes, &search->words_left);
         search->dropped = search->dropped || dropped > 0;
         for (int lane = 0; lane < lanes; lane++) {
-            rl_hits_find(&hits[index[lane]], &search->shortlist[lane], &search->codebook, &demand);
+            rl_hits_find(&hits[index[lane]], &search->shortlist[lane], &search->codebook,
+                         &criteria);
         }
     }
 }

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Where packets may be: every start, clock and word, on coarse templates. It decides nothing. */
+/* Search for candidates: packets of every start, clock and word, on coarse templates. */
 #ifndef RETROLIDAR_SEARCH_H
 #define RETROLIDAR_SEARCH_H
 
@@ -11,44 +11,44 @@
 #include "retrolidar_view.h"
 
 enum {
-    RL_HITS = 2 * RL_TRIED, /* of a search, and words that it looks for in a whole packet */
-    /* Each word and sequence of a whole packet may be of another trial, and the next one, too.
-     * Where a part is seen there are more words, but only of RL_TRIED trials.
+    RL_HITS = 2 * RL_TRIED, /* of a search, and its shortlist entries of whole packets */
+    /* Each entry of a whole packet may be of another trial, and one more slot is for the next
+     * trial. If only a part is seen there are more entries, but of RL_TRIED trials only.
      */
     RL_SLOTS = RL_HITS + RL_TRIED + 1,
 };
 
 /* A packet that may be there. */
 struct rl_hit {
-    float nats; /* about by how much it explains the samples better than noise does */
+    float nats; /* approximate log likelihood ratio against noise */
     uint16_t id;
-    struct rl_transmission transmission; /* read from any bit, if it repeats */
+    struct rl_transmission transmission;
 };
 
 /* A packet or sequence that the soft bits of a trial may hold. */
 struct rl_shortlist_entry {
-    float nats; /* that no packet exceeds by much, or that any sequence of bits reaches */
+    float nats; /* bound of the packets that begin there, or of any sequence of bits */
     int shift;  /* bit of the window with which the packet begins */
     int slot;   /* of the trial */
 };
 
-/* A trial, and what it makes of a lane. */
+/* A trial and its soft bits in one lane. */
 struct rl_slot {
     struct rl_trial trial;
     float soft[RL_PACKET_BITS];
     struct rl_soft_summary summary;
 };
 
-/* The best hits of different IDs; and the sequences that explain most, each of another clock. */
+/* The best hit of each ID, and the best sequence of bits of each clock. */
 struct rl_hits {
     int reference; /* zone whose light was subtracted, or RL_NO_REFERENCE */
     int count, sequences;
     struct rl_hit hit[RL_HITS];
-    struct rl_transmission sequence[RL_TRIED]; /* of a word or not */
+    struct rl_transmission sequence[RL_TRIED]; /* of any bits, a word or not */
 };
 
-/* What is to be looked at once all trials are known. Where only a part of a packet is seen, it may
- * begin with any bit: the preamble need not be among those that are.
+/* The best entries of all trials in one lane, to be compared with all words. If only a part of a
+ * packet is seen, it may begin with any bit: the preamble may not be in that part.
  */
 struct rl_shortlist {
     int words, sequences;
@@ -57,34 +57,34 @@ struct rl_shortlist {
     struct rl_slot slot[RL_SLOTS];
 };
 
-/* What is asked of a hit. */
-struct rl_demand {
+/* What a hit must fulfil. */
+struct rl_criteria {
     float least;             /* nats */
     float max_llr_deficit;   /* nats by which any sequence of bits may be better */
-    bool repeats;            /* whether the window is any stretch of a packet that repeats */
+    bool repeats;            /* whether the window is any stretch of a repeating packet */
     struct rl_energy energy; /* of the whitening */
     const struct rl_smooth *smooth;
 };
 
-/* About by how much any sequence of bits explains a trial better than noise does [nats]. */
-float rl_llr_upper_bound(const struct rl_demand *demand, const struct rl_trial *trial,
+/* Approximate log likelihood ratio of the best sequence of bits of a trial against noise [nats]. */
+float rl_llr_upper_bound(const struct rl_criteria *criteria, const struct rl_trial *trial,
                          const struct rl_soft_summary *summary);
 
-/* Note what a lane may hold: sequences, and packets that begin with one of so many first bits. */
-void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_demand *demand,
+/* Add a trial to a lane's shortlist, for packets that begin with one of the first `shifts` bits. */
+void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *criteria,
                       const struct rl_trial *trial, const struct rl_sums *sums, int lane,
                       int shifts);
 
-/* Give up the least promising words of some channels, as far as there are more than are left; take
- * the others off what is left, and return how many were given up.
+/* Drop the worst entries of some shortlists if there are more than `left`; subtract the others from
+ * `left`. Return how many were dropped.
  */
 int rl_shortlists_ration(struct rl_shortlist *shortlist, int channels, int *left);
 
 /* Search the words of a shortlist, and find the best sequences of bits if there is one. */
 void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
-                  const struct rl_codebook *codebook, const struct rl_demand *demand);
+                  const struct rl_codebook *codebook, const struct rl_criteria *criteria);
 
-/* Variance of a channel, in that of its noise, from which it is strong. */
+/* A channel is strong if its variance over that of its noise is greater. */
 static const double RL_STRONG = 4.0;
 
 /* How samples are whitened before they are searched. */
@@ -98,12 +98,12 @@ struct rl_search {
     const struct rl_samples *samples;
     struct rl_codebook codebook;
     struct rl_whitening whitening[3]; /* for faint and strong channels, and faint lone packets */
-    double frames_a_bit;              /* that the whitening is for */
+    double frames_a_bit;              /* for which the whitening was planned */
     double least;                     /* nats that a hit must have */
     struct rl_view view;
     struct rl_sums sums;
     struct rl_shortlist shortlist[RL_MAX_CHANNELS];
-    int words_left; /* soft bits that may still be held against all words with this frame */
+    int words_left; /* shortlist entries that this frame may still compare with all words */
     bool dropped;   /* whether there were more */
 };
 
@@ -114,11 +114,11 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
  *
  * packets: 0 = a packet that ended within (from_s, to_s], otherwise any stretch of so many packets
  *     that repeat, which ends at to_s
- * since_s: earlier samples are left out: what is sought was not there
+ * since_s: earlier samples are left out, as the marker was not there yet
  * max_llr_deficit: nats by which any sequence of bits may be better
  */
-void rl_search_look(struct rl_search *search, const int *channels, int count, int packets,
-                    double from_s, double to_s, double since_s, double max_llr_deficit,
-                    struct rl_hits *hits);
+void rl_search_channels(struct rl_search *search, const int *channels, int count, int packets,
+                        double from_s, double to_s, double since_s, double max_llr_deficit,
+                        struct rl_hits *hits);
 
 #endif

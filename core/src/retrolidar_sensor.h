@@ -12,15 +12,15 @@
 /* binding */
 enum {
     RL_MAX_ZONES = 64,
-    RL_MAX_LATE_NS = 150000000, /* by which a frame that was overtaken may be late */
+    RL_MAX_LATE_NS = 150000000, /* a frame that is out of order is late by no more */
 };
 
 /* What the status of a sample says. */
 enum {
-    RL_INVALID, /* nothing: an erasure */
-    RL_VALID,   /* signal and distance are valid */
-    RL_NOTHING, /* there is no target: a marker may be dark */
-    RL_FAINT,   /* the signal is too low: the same if it is below `low_signal` */
+    RL_INVALID,    /* nothing: an erasure */
+    RL_VALID,      /* signal and distance are valid */
+    RL_NO_TARGET,  /* no target: a marker may be dark */
+    RL_LOW_SIGNAL, /* signal too low: as no target if it is below `low_signal` */
 };
 
 struct rl_sensor {
@@ -28,7 +28,7 @@ struct rl_sensor {
     double zone_pitch;     /* width of a zone as a tangent */
     double zone_blur; /* of the optics, standard deviation [widths of a zone]; 0 if not known */
     double z_per_range[RL_MAX_ZONES]; /* distance that is reported over radial range */
-    double range_offset_m;            /* by which all ranges are measured too long */
+    double range_offset_m;            /* all ranges are measured too long by this */
     double exposure;                  /* share of the frame period, about the stamp */
     /* Variance of the signal S in ambient light A: floor + slope S + ambient A [(kcps/SPAD)^2]. */
     double noise_floor, noise_slope, noise_ambient;
@@ -36,7 +36,7 @@ struct rl_sensor {
     double ranging_shot, ranging_floor_m;
     double signal_step, low_signal, max_signal; /* [kcps/SPAD] */
     double distance_step_m, max_distance_m;
-    double separable_m;   /* two targets in a zone are told apart from this distance on */
+    double separable_m;   /* least distance between two targets that a zone separates */
     uint8_t meaning[256]; /* of each status */
 };
 /* end of binding */

@@ -9,10 +9,9 @@
 #include <math.h>
 #include <string.h>
 
-/* A nearer target in a smaller share of the frames is passing by. */
+/* A nearer target passes by if fewer of the frames show it. */
 static const double PASSING = 0.2;
-/* What comes and goes more often in a window, as a cover glass, is seen while the marker is dark.
- */
+/* A target that appears more often, as a cover glass, is seen while the marker is dark. */
 static const int MAX_PASSES = 3;
 
 enum {
@@ -20,7 +19,7 @@ enum {
     BINS = 128, /* ... and such bins, up to the farthest that the sensor measures */
 };
 
-/* Distances that are measured, by about how long they are. */
+/* Histogram of the measured distances. */
 struct bins {
     float gap_m, steps_a_metre;
     int all, count[BINS];
@@ -52,7 +51,7 @@ static void sort_into(struct bins *bins, const float *distance, int rows, float 
     }
 }
 
-/* Which of some counts holds the one of that rank; the rank within it. */
+/* The bin that holds a rank; the rank becomes that within the bin. */
 static int place_of(const int *counts, int *rank)
 {
     int at = 0;
@@ -62,7 +61,7 @@ static int place_of(const int *counts, int *rank)
     return at;
 }
 
-/* The middle one of the distances, to the sensor's step. */
+/* Median of the distances, to a step of a bin. */
 static float middle_of(const struct bins *bins, const float *distance, int rows)
 {
     int count[FINE] = {0}, rank = bins->all / 2;
@@ -91,7 +90,7 @@ static float widest_gap(const struct bins *bins, float *middle)
     return widest;
 }
 
-/* Distances that are less than this are of a target that passes by; 0 if there is none. */
+/* The distance below which a target passes by; 0 if none does. */
 static float passing_by(const struct bins *bins, const float *distance, int rows)
 {
     int passing = 0, passes = 0, rank = bins->all / 2, near = 0;
@@ -111,8 +110,10 @@ static float passing_by(const struct bins *bins, const float *distance, int rows
     return passing > 0 && passing < PASSING * bins->all && passes <= MAX_PASSES ? nearer : 0.0f;
 }
 
-static struct rl_column part(const struct rl_sensor *sensor, const float *distance, int rows,
-                             struct rl_column held, bool is_dimmer, struct rl_room *room)
+/* Leave the marker's target only, if there are two or one that passes by. */
+static struct rl_column select_target(const struct rl_sensor *sensor, const float *distance,
+                                      int rows, struct rl_column held, bool is_dimmer,
+                                      struct rl_room *room)
 {
     struct bins bins = {.gap_m = (float)(sensor->separable_m - RL_UNSURE_M),
                         .steps_a_metre = (float)(FINE * BINS / sensor->max_distance_m)};
@@ -144,7 +145,7 @@ static struct rl_column part(const struct rl_sensor *sensor, const float *distan
         seen[d > middle] += 1.0;
     }
     const struct rl_column changed = {signal, valid, widest >= bins.gap_m};
-    if (!changed.is_parted) {
+    if (!changed.has_two_targets) {
         return changed;
     }
     const int other = (sum[1] / seen[1] < sum[0] / seen[0]) != is_dimmer;
@@ -165,7 +166,7 @@ void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory)
     room->valid = rl_take(memory, rows, 1);
 }
 
-/* By how much distances differ, those that are measured. */
+/* Largest less least of the measured distances. */
 static float range_of(const float *distance, int rows)
 {
     float least[RL_LANES], most[RL_LANES];
@@ -195,7 +196,7 @@ struct rl_column rl_target_column(const struct rl_samples *samples, int channel,
           (float)(samples->sensor.separable_m - RL_UNSURE_M))) {
         return held;
     }
-    return part(&samples->sensor, samples->distance + at, rows, held, is_dimmer, room);
+    return select_target(&samples->sensor, samples->distance + at, rows, held, is_dimmer, room);
 }
 
 void rl_reference_light(const struct rl_samples *samples, int zone, int first, int rows,
@@ -219,5 +220,5 @@ void rl_reference_erase(const struct rl_samples *samples, int zone, int first, i
         room->signal[row] = column->signal[row];
         room->valid[row] = column->valid[row] & valid[row];
     }
-    *column = (struct rl_column){room->signal, room->valid, column->is_parted};
+    *column = (struct rl_column){room->signal, room->valid, column->has_two_targets};
 }

@@ -1,20 +1,20 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* The samples of one channel in a window, of that target which may be a marker. */
+/* The samples of one channel in a window, of the target that may be a marker. */
 #ifndef RETROLIDAR_TARGET_H
 #define RETROLIDAR_TARGET_H
 
 #include "retrolidar_samples.h"
 
-/* Samples of a channel, row by row: where they are held, or where there was room to change them. */
+/* Samples of a channel, row by row: those that are held, or a changed copy. */
 struct rl_column {
     const float *signal;
     const uint8_t *valid;
-    bool is_parted; /* whether the zone reports two targets by turns */
+    bool has_two_targets; /* whether the zone reports two targets by turns */
 };
 
-/* Room for a column that is changed. */
+/* Memory for the changed copy. */
 struct rl_room {
     float *signal;
     uint8_t *valid;
@@ -22,26 +22,26 @@ struct rl_room {
 
 void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory);
 
-/* Find the column of a channel. Where a zone reports two targets by turns, the marker is one of
- * them. While the other one is seen, which outshines it, the marker is dark, or not known if the
- * other one is brighter than the marker is at times. A target that is nearer and seen for a short
- * while hides the marker: erasures.
+/* Find the column of a channel. If a zone reports two targets in turn, the marker is one of them.
+ * While the other one is reported, the marker is dark; but if the marker is the dimmer one, and the
+ * other one is brighter, its state is unknown. A nearer target that is seen for a short while hides
+ * the marker: erasures.
  *
  * is_dimmer: whether the marker is the dimmer one of the two
  */
 struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
                                   int rows, bool is_dimmer, struct rl_room *room);
 
-/* Adaptive interference cancelling (Widrow et al. 1975): a zone beside sees what interferes, too,
- * and more of it. Its signal stands for light of which neither ID nor clock need be known.
+/* Adaptive noise cancelling (Widrow et al. 1975): a zone beside sees more of what interferes. Its
+ * signal is the reference, so neither ID nor clock of the interference need be known.
  */
 enum { RL_NO_REFERENCE = -1 };
 
-/* What a zone sees in some rows beyond its darkest. */
+/* The signal of a zone in some rows, less the least of them. */
 void rl_reference_light(const struct rl_samples *samples, int zone, int first, int rows,
                         double *light);
 
-/* Erase the samples of a column in whose rows the reference has none. */
+/* Erase the samples of a column where the reference has an erasure. */
 void rl_reference_erase(const struct rl_samples *samples, int zone, int first, int rows,
                         struct rl_room *room, struct rl_column *column);
 

@@ -10,12 +10,12 @@
 /* From 10 to 90 % an exponential takes ln 9 time constants (paper 2.2: 0.5 ms and 3.5 ms). */
 static const double LN_9 = 2.1972245773362196;
 static const double DARKENING_S = 0.0005, BRIGHTENING_S = 0.0035;
-/* Packets keep time if they begin so near to where others would [bits]. */
+/* Trains have the same phase if it differs by less [bits]. */
 static const double SAME_PHASE_BITS = 1.0;
 
 struct packet {
-    /* Of each bit, and of the idle after them: what it goes to, comes from, and when it begins, as
-     * the integral since the start of the packet [s].
+    /* Of each bit, and of the idle time after them: its level, the level before it, and the
+     * integral of the light from the start of the packet to its begin [s].
      */
     double level[RL_PACKET_BITS + 1], before[RL_PACKET_BITS + 1], elapsed[RL_PACKET_BITS + 1];
 };
@@ -48,11 +48,11 @@ static void lay_out(const struct rl_transmission *transmission, struct packet *p
     }
 }
 
-/* Where a time is in a train. */
+/* A position in a train. */
 struct place {
     int bit;
     double bit_s; /* when the bit begins, since the start of the packet */
-    double sent;  /* the integral until that packet began */
+    double sent;  /* the integral of the packets before that one [s] */
 };
 
 static struct place place_of(const struct rl_transmission *transmission,
@@ -70,7 +70,7 @@ static struct place place_of(const struct rl_transmission *transmission,
                           cycles * packet->elapsed[RL_PACKET_BITS]};
 }
 
-/* The integral of the light since the start of the packet [s]; the place goes along with it. */
+/* The integral of the light since the start of the packet [s]; moves the place to that time. */
 static double integral(const struct rl_transmission *transmission, const struct packet *packet,
                        double since_s, struct place *place)
 {

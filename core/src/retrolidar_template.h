@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* What exposures see of packets, the response of the liquid crystal included. */
+/* The light of packets in each exposure, with the response of the liquid crystal. */
 #ifndef RETROLIDAR_TEMPLATE_H
 #define RETROLIDAR_TEMPLATE_H
 
@@ -15,14 +15,14 @@ struct rl_transmission {
     bool repeats;   /* back to back without end */
     double start_s; /* when a packet begins [s] */
     double bit_s;   /* how long a bit lasts [s] */
-    /* A lone packet touches bright light if nothing else is sent; the bits of packets of other
-     * IDs, back to back, may be dark.
+    /* Before and after a lone packet the marker is bright, but dark if it sends another packet
+     * there that touches it with a dark bit.
      */
     bool dark_before, dark_after;
 };
 /* end of binding */
 
-/* Packets of one ID that have been read, one behind the other. */
+/* Packets of one ID that were read, back to back. */
 struct rl_packet_train {
     struct rl_transmission transmission;
     double begin_s, end_s; /* of what was read [s] */
@@ -32,31 +32,31 @@ struct rl_packet_train {
 void rl_template(const struct rl_transmission *transmission, const double *begin_s,
                  const double *end_s, int rows, double *light);
 
-/* The same of a train, as far as it was read, or as if it went on and on; bright before. */
+/* The same of a train, as far as it was read, or as if it continued; bright elsewhere. */
 void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
                     const double *end_s, int rows, double *light);
 
 enum { RL_MAX_TRAINS = 24 }; /* of a zone and those beside it, within a few packets */
 
-/* Packets that may be in the samples besides the one in question, marker by marker. */
+/* Trains that may be in the samples besides the packet that is judged. */
 struct rl_interference {
     int count;
     struct rl_packet_train train[RL_MAX_TRAINS];
 };
 
-/* Whether a train begins where the packets of another one would begin, too. */
+/* Whether the packets of two trains begin at the same phase. */
 bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now);
 
-/* Return the first train that the marker of one has sent: those that keep its time, and do not
- * overlap, are taken to be of one marker, whatever their IDs.
+/* Return the first train of the marker that sent a train. Trains of the same phase that do not
+ * overlap are taken to be of one marker, whatever their IDs.
  */
 int rl_interference_marker(const struct rl_interference *interference, int index);
 
-/* Mean light, 0 to 1, of a marker during exposures: what it was seen to send, and bright else.
+/* Mean light, 0 to 1, of all trains of a marker during exposures; bright elsewhere.
  *
  * marker: its first train
- * continues: whether its last packet is sent on and on
- * part: room for as many rows
+ * continues: whether its last train continues
+ * part: memory for as many rows
  */
 void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
                            const double *begin_s, const double *end_s, int rows, double *part,

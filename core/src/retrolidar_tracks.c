@@ -6,11 +6,10 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
-/* Of a marker that crosses the view [m/s]. */
+/* Speed of a marker that crosses the view [m/s]. */
 static const double ACROSS_M_S = 0.5;
-/* Gains are of the frames before. */
+/* Gains lag by this time. */
 static const double LAG_S = 0.03;
 
 enum { MAX_ROWS = 64 }; /* from one call to the next */

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* How a track begins: its own packet is fitted, together with the light of those beside it. */
+/* Begin a track: fit its own packet together with the light of the markers beside it. */
 #include "retrolidar_followed.h"
 
 #include "retrolidar_ranging.h"
@@ -9,15 +9,15 @@
 #include <math.h>
 #include <string.h>
 
-/* That a marker goes on after a reading: one that repeats, and one that sent a packet alone. */
+/* Probability that a marker continues after a reading that repeats, and after a lone packet. */
 static const double REPEATS = 0.98, ALONE = 0.7;
-/* What the sensor does not summary. */
+/* Beyond this range a track has run away. */
 static const double FARTHEST_M = 10.0;
-/* By how much the light of another marker is wrong, as a share of it. */
+/* Relative error of the light of another marker. */
 static const double OTHER_ERROR = 0.1;
-/* Fits of markers that share a zone, one after the other. */
+/* Rounds in which markers that share a zone are fitted in turn. */
 enum { ROUNDS = 4 };
-/* A marker that was followed may have moved in the packet of another, by a share of its gain. */
+/* Relative error of a gain fitted anew, as the marker may have moved during the other's packet. */
 static const double REFITTED_GAIN = 0.1;
 
 /* Rows of a reading. */
@@ -88,7 +88,7 @@ static void add_neighbours(struct rl_tracks *tracks, int zone, const struct rl_f
     }
 }
 
-/* The distance of a marker, the middle one of those while it was bright; NaN without any. */
+/* Median distance while the marker was bright; NaN without any. */
 static double depth_of(struct rl_tracks *tracks, int zone, const struct window *window)
 {
     const struct rl_samples *samples = tracks->scenery.samples;
@@ -124,7 +124,7 @@ static void fit(struct rl_tracks *tracks, const struct rl_followed *followed, in
     }
 }
 
-/* Fit a marker that was followed alone anew: what was its level is in part the light of another. */
+/* Fit a marker that is followed anew: a part of its level is the light of the one that begins. */
 static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struct rl_followed *new,
                   int zone, const struct window *window)
 {
@@ -180,12 +180,12 @@ static void replay(struct rl_tracks *tracks, struct rl_followed *followed,
         see(tracks, followed, reading->zone[0], window->first + row);
         rl_followed_replay(followed, &tracks->scenery, tracks->light[row]);
     }
-    /* That its zone is found is no crossing. */
+    /* The first choice of its zone is no crossing. */
     const double crossed = followed->crossed;
     rl_followed_bearing(followed, &tracks->scenery);
     followed->crossed = crossed;
     followed->shared_s = rl_scenery_now(&tracks->scenery);
-    /* That its packet came says nothing of what it sends next. */
+    /* The packet that was read says nothing of what it sends next. */
     rl_presence_restart(&followed->presence, chance);
     for (int row = window->first + window->rows; row < tracks->scenery.samples->count; row++) {
         see(tracks, followed, reading->zone[0], row);

@@ -48,9 +48,8 @@ static float mean_of(const float *signal, int rows)
     return sum[0] / (float)rows;
 }
 
-/* Take the level off the samples of some lanes, from `lane` on: z = x - l, where l is the smoothest
- * of all levels, the sum of squares of z and of steps of l over `walk` being least. It solves a
- * tridiagonal system.
+/* Subtract the level l from the samples x of RL_LANES lanes, from `lane` on. l minimises the sum of
+ * (x - l)^2 and of the squared steps of l over `walk`: a tridiagonal system.
  */
 static void whiten(struct rl_view *view, const struct rl_column *column, size_t lane, float walk)
 {
@@ -61,7 +60,7 @@ static void whiten(struct rl_view *view, const struct rl_column *column, size_t 
     for (int i = 0; i < RL_LANES; i++) {
         mean[i] = mean_of(column[i].signal, view->rows);
     }
-    /* Where sums will be there are values at first, and which of them are known. */
+    /* The memory of the sums holds values and validity first. */
     float *value = view->power + lane, *known = view->valid + lane, *light = view->light + lane;
     float *pivot = view->pivot, *total = view->total + lane;
     for (size_t row = 0; row < rows; row++) {
@@ -103,9 +102,7 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
         view->begin[row] = (float)(begin_s - samples->begin_s[view->first]);
         view->rate[row] = (float)(1.0 / (samples->end_s[view->first + row] - begin_s));
     }
-    const float lasting_s = view->begin[view->rows - 1];
     view->begin[view->rows] = INFINITY;
-    view->rows_a_second = lasting_s > 0.0f ? (float)(view->rows - 1) / lasting_s : 0.0f;
     for (int lane = 0; lane < view->lanes; lane += RL_LANES) {
         struct rl_column column[RL_LANES];
         for (int i = 0; i < RL_LANES; i++) {
@@ -117,20 +114,6 @@ void rl_view_open(struct rl_view *view, const int *channels, int count, double f
     }
 }
 
-/* The row of a time, or the first or the last one; exposures are about as long as each other. */
-static int row_of(const struct rl_view *view, float time_s)
-{
-    const float since_s = rl_maxf(time_s, 0.0f);
-    int row = (int)rl_minf(since_s * view->rows_a_second, (float)view->rows);
-    while (view->begin[row] > since_s) {
-        row--;
-    }
-    while (view->begin[row + 1] <= since_s) {
-        row++;
-    }
-    return row;
-}
-
 void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
 {
     const int bits = RL_PACKET_BITS * trial->packets;
@@ -138,7 +121,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     const float first_s =
         (float)(trial->end_s - bits * trial->bit_s - view->samples->begin_s[view->first]);
     float shared = 0.0f;
-    int row = row_of(view, first_s), seen = bits;
+    int row = 0, seen = bits;
     while (seen > 0 && first_s + (float)(bits - seen + 1) * bit_s <= 0.0f) {
         seen--;
     }
@@ -153,7 +136,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
         view->edge[bit] = (struct rl_edge){row, share};
         shared += share * (1.0f - share);
     }
-    /* A bit has an energy of 1 for each exposure, less what it shares with the bits beside it. */
+    /* A bit has an energy of 1 per exposure, less what it shares with the bits beside it. */
     const struct rl_edge *first = &view->edge[0], *last = &view->edge[bits];
     const float exposures = (float)(last->row - first->row) + last->share - first->share;
     const float outside = first->share * (1.0f - first->share);
@@ -162,7 +145,7 @@ void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial)
     trial->energy.adjacent = (shared - outside) / rl_maxf((float)seen, 1.0f);
 }
 
-/* Power and number of the samples of a lane; for missing ones the power is as much less. */
+/* Power and number of the valid samples of a lane; erasures reduce the power by their share. */
 static struct rl_soft_summary summary_of(const struct rl_view *view, const struct rl_trial *trial,
                                          int lane)
 {

@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Samples of some channels side by side, less the level that wanders, ready to be cut into bits. */
+/* Samples of some channels, without their wandering level, to be integrated over bits. */
 #ifndef RETROLIDAR_VIEW_H
 #define RETROLIDAR_VIEW_H
 
@@ -21,13 +21,12 @@ struct rl_edge {
     float share; /* of the exposure, 0 to 1 */
 };
 
-/* Arrays over rows and lanes; a lane is a channel. */
+/* Arrays over rows and lanes. A lane is a channel; RL_LANES of them are computed at once. */
 struct rl_view {
     const struct rl_samples *samples;
     int first, rows; /* in the samples */
     int lanes;       /* a multiple of RL_LANES */
-    float rows_a_second;
-    float *begin; /* of each exposure since the first, and after the last what never comes [s] */
+    float *begin; /* of each exposure since the first, and INFINITY after the last [s] */
     float *rate;  /* 1 over the length of each exposure [1/s] */
     float *light;
     float *total; /* sums of light over the rows before */
@@ -38,24 +37,24 @@ struct rl_view {
     struct rl_edge edge[RL_MAX_EDGES]; /* of the bits of a trial */
 };
 
-/* What is tried: where bits begin and end. */
+/* A hypothesis of the time of a packet: its end, bit period and number of repetitions. */
 struct rl_trial {
     double end_s, bit_s;
-    int packets;             /* back to back, to be laid on top of each other */
+    int packets;             /* back to back, whose soft bits are added */
     uint32_t seen;           /* bits that ended after the window began */
-    struct rl_energy energy; /* mean one of bits that are seen */
+    struct rl_energy energy; /* mean of the bits that are seen */
 };
 
-/* What the soft bits of a lane can be at the most. */
+/* Sums over the soft bits and samples of a lane, which bound any packet's likelihood. */
 struct rl_soft_summary {
-    uint32_t dark; /* those that are positive ... */
+    uint32_t dark; /* mask of the positive soft bits ... */
     float any;     /* ... and their sum */
-    float squares; /* of all, their sum */
+    float squares; /* sum of the squares of all soft bits */
     float power;   /* of the samples in the window */
     float samples; /* valid ones */
 };
 
-/* What a trial makes of all lanes, which are in groups of RL_LANES. */
+/* Soft bits of a trial in all lanes, in groups of RL_LANES. */
 struct rl_sums {
     float soft[RL_MAX_LANES / RL_LANES][RL_PACKET_BITS][RL_LANES]; /* light, positive = dark */
     struct rl_soft_summary summary[RL_MAX_LANES];
@@ -64,33 +63,32 @@ struct rl_sums {
 void rl_view_start(struct rl_view *view, const struct rl_samples *samples,
                    struct rl_memory *memory);
 
-/* Look at some channels from one time to another; walk: of steps of the level over the noise. */
+/* Whiten some channels from one time to another; walk: variance of the level's steps over noise. */
 void rl_view_open(struct rl_view *view, const int *channels, int count, double from_s, double to_s,
                   float walk);
 
 /* Find where the bits of a trial begin and end, and their energies. */
 void rl_view_place_bit_edges(struct rl_view *view, struct rl_trial *trial);
 
-/* Cut a group of lanes into the bits of the trial that was laid last. */
+/* Integrate a group of lanes over each bit of the trial whose edges were placed last. */
 void rl_view_integrate_and_dump(const struct rl_view *view, const struct rl_trial *trial, int group,
                                 struct rl_sums *sums);
 
-/* One step of the elimination: rows from the first on. */
+/* One row of the forward elimination, from the first row on. */
 void rl_lanes_eliminate(float stiff, float ends, const float *restrict known,
                         const float *restrict value, const float *restrict light_before,
                         const float *restrict pivot_before, float *restrict light,
                         float *restrict pivot);
 
-/* One step of the substitution, rows from the last on: what the elimination has left becomes the
- * level, and the level what is left of the samples. Sums are of the rows from this one on,
- * negative.
+/* One row of the back substitution, from the last row on. `pivot` becomes the level, and `light`
+ * the sample less the level. The sums are negative, over the rows from this one on.
  */
 void rl_lanes_substitute(const float *restrict level_after, const float *restrict total_after,
                          const float *restrict power_after, const float *restrict valid_after,
                          float *restrict pivot, float *restrict light, float *restrict total,
                          float *restrict power, float *restrict valid);
 
-/* Light of some lanes until an edge, and what a bit has lost since the edge before. */
+/* Integrate the light until an edge; add what is missing since the edge before to a soft bit. */
 void rl_lanes_integrate_and_dump(float share, const float *restrict total,
                                  const float *restrict light, const float *restrict before,
                                  float *restrict until, float *restrict soft);

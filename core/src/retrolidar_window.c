@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Share of the sensor's noise that a fit may not fall short of. */
+/* A fit may claim no less than this share of the sensor's noise. */
 static const double MIN_NOISE = 0.5;
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
@@ -32,7 +32,7 @@ static void light_of(struct rl_window *window, int marker, bool continues)
                           window->end_s, window->rows, window->part, window->light);
 }
 
-/* Find how the gain of `light` changes, if it is there. */
+/* Fit how the gain of `light` changes. */
 static void find_profile(struct rl_window *window)
 {
     double gain[RL_KNOTS], most = 0.0;
@@ -48,7 +48,7 @@ static void find_profile(struct rl_window *window)
     }
 }
 
-/* Make a marker an interferer, if it is seen; its gain may change, as it may move. */
+/* Make a marker an interferer if it is seen. Its gain may change, as it may move. */
 static void add_interferer(struct rl_window *window, int marker)
 {
     struct rl_whitened *whitened = &window->whitened;
@@ -165,7 +165,7 @@ double rl_window_try_part(struct rl_window *window, const struct rl_transmission
                           int split, bool later)
 {
     lay_light(window, transmission);
-    /* Without the marker it is as dark as with a dark one. */
+    /* A marker that is not there looks as a dark one. */
     for (int row = 0; row < window->rows; row++) {
         window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
     }

@@ -11,19 +11,19 @@
 
 enum { RL_KNOTS = RL_PARTS - 1 };
 
-/* What the knots of a gain that changes must explain [nats]: a steady one has one. */
+/* What a gain that changes must explain besides a steady one [nats]. */
 static inline double rl_price_of_profile(void)
 {
     return RL_COST_OF_GAIN * (RL_KNOTS - 1);
 }
 
 struct rl_gain_profile {
-    double nats;          /* by which it explains the steps better than nothing, less its price */
-    double cross, energy; /* whose ratio is the gain, if it does not change */
+    double nats;          /* log likelihood ratio of the steps against no light, less its price */
+    double cross, energy; /* their ratio is the steady gain */
 };
 
-/* Fit a gain that is linear between so many knots, equally spaced over the rows, to the steps from
- * row to row, on which a level that wanders has little bearing.
+/* Fit a gain that is linear between RL_KNOTS knots, equally spaced over the rows. It is fitted to
+ * the steps from row to row, which a wandering level changes little.
  *
  * light: of the packet in each row
  */
@@ -38,39 +38,39 @@ struct rl_window {
     int first, rows; /* in the samples */
     const double *begin_s, *end_s; /* of each exposure [s] */
     int channel;
-    bool is_dimmer; /* whether its target is the dimmer one, if it has two */
-    struct rl_column column;             /* samples, of the target in question ... */
+    bool is_dimmer; /* whether the marker is the dimmer one of two targets */
+    struct rl_column column;             /* samples of that target ... */
     struct rl_whitened whitened;         /* ... and whitened */
     struct rl_gain fit;                  /* of the template that was tried last */
-    struct rl_interference interference; /* of the windows that are opened from now on, and ... */
-    int reference;                       /* ... what interferes there, or RL_NO_REFERENCE */
+    struct rl_interference interference; /* trains in the windows that are opened next ... */
+    int reference;                       /* ... and a zone that interferes, or RL_NO_REFERENCE */
     double min_bit_s, max_bit_s;         /* limits of a refinement */
     double *light;                       /* of the template that was tried last */
     double *part;                        /* of the light of an interferer */
-    double *seen;                        /* of the light, where the gain changes */
-    double *profile;                     /* how the gain changes, 0 to 1 */
-    bool has_profile;                    /* whether it does */
+    double *seen;                        /* light times profile */
+    double *profile;                     /* gain of each row over the greatest, 0 to 1 */
+    bool has_profile;                    /* whether the gain changes */
     struct rl_room room;
 };
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
                      struct rl_memory *memory);
 
-/* Look at the exposures of a channel, of the dimmer one of two targets if that is asked. */
+/* Open the exposures of a channel from one time to another, and whiten them. */
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
                     double to_s);
 
-/* Log likelihood of what is sent. */
+/* Log likelihood of a transmission. */
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission);
 
-/* The same of what `light` holds, for every row. */
+/* The same of the template that `light` holds. */
 double rl_window_try_light(struct rl_window *window);
 
-/* The same if the marker appears in a row of the window (later), or vanishes there. */
+/* The same if the marker appears in a row of the window (`later`), or vanishes there. */
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later);
 
-/* The same of other bits in a stretch of time only. */
+/* The same if other bits are sent in a stretch of time. */
 double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
                              uint32_t bits, double from_s, double to_s);
 
@@ -86,8 +86,8 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
 double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
                         double half_bits);
 
-/* Let the gain change from now on as the light of a packet does, if that explains more than it
- * costs: for all that is tried in this window, as rivals may move, too. Return the cost [nats].
+/* Fit a changing gain to a packet. If it explains more than it costs, all that is tried in this
+ * window has it from now on, as rivals may move, too. Return the cost [nats].
  */
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
 

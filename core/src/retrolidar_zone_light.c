@@ -8,19 +8,19 @@
 
 /* Zones take part whose gain is above so many deviations and this share of the strongest's. */
 static const double MIN_DEVIATIONS = 4.0, MIN_SHARE = 0.1;
-/* By how much levels and gains change in a second, as a share of the gain. */
+/* Random walk in a second: shares of level and gain, and of any level [kcps/SPAD]. */
 static const double LEVEL_WALK = 0.1, GAIN_WALK = 0.1, FLOOR_WALK = 0.3;
-/* And those of a marker that crosses the view, as a share of the strongest gain. */
+/* Walk of the gains of a marker that crosses the view, as a share of the strongest. */
 static const double CROSSED_WALK = 1.0;
-/* And by how much while a packet was read, as a share of the strongest gain. */
+/* Deviations after a packet was read, as a share of the strongest gain. */
 static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0, UNREAD_GAIN = 0.05;
 /* Squared deviations at which a zone begins anew: the marker has crossed its edge. */
 static const double MAX_SURPRISE = 9.0;
-/* The same of what one zone has lost, and another won. */
+/* The same for light that one zone has lost, and another has won. */
 static const double LOST = 2.0, WON = 6.0;
-/* How fast it is learnt what is left over, and how much that may be. */
+/* How fast the excess variance is learnt, and its largest value. */
 static const double EXCESS_SHARE = 0.1, MAX_EXCESS = 1e4;
-/* A level that is higher in all dark bits for so long has risen. */
+/* A level has risen if it is higher in all dark bits for so long. */
 static const double MAX_RAISED_BITS = 6.0;
 static const double BRIGHT_LIGHT = 0.5, WHOLE_LIGHT = 0.9;
 

@@ -124,7 +124,7 @@ PARTS = {
     'word test: bits of the search': Part('bits', 'i < judged->hits->sequences;', 'i < 0;'),
     'margin to other IDs': Part(
         'decide',
-        'if (verdict->margin < judged->demands->margin) {',
+        'if (verdict->margin < judged->thresholds->margin) {',
         'if (false) {',
     ),
     'margin: more of it in sums of zones': Part(
@@ -159,7 +159,7 @@ PARTS = {
     'word test: bits of each of several packets': Part(
         'decide', '    if (verdict->packets > 1) {', '    if (false) {'
     ),
-    'other clocks': Part('decide', 'other > judged->demands->word ? ', 'false ? '),
+    'other clocks': Part('decide', 'other > judged->thresholds->word ? ', 'false ? '),
     'a packet that repeats has repeated': Part(
         'decide', '!has_repeated(', 'false && !has_repeated('
     ),
@@ -175,7 +175,7 @@ PARTS = {
         'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'
     ),
     'more evidence where levels wander': Part(
-        'decide', 'judged->demands->wandering : 0.0', '0.0 : 0.0'
+        'decide', 'judged->thresholds->wandering : 0.0', '0.0 : 0.0'
     ),
     'search: three ways to follow the level': Part(
         'search', '{0.01f, 0.1f, 0.002f}', '{0.01f, 0.01f, 0.01f}'
@@ -186,7 +186,7 @@ PARTS = {
         'true || samples->interference_removed[channel] ||',
     ),
     'two targets: the marker may be the dimmer one': Part(
-        'observation', 'if (judged->window->column.is_parted) {', 'if (false) {'
+        'observation', 'if (judged->window->column.has_two_targets) {', 'if (false) {'
     ),
     'zones: those near the reading only': Part(
         'placement', 'is_near(samples, reading, zone) ?', 'true ?'

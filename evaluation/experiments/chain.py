@@ -81,7 +81,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     detection = detections[0]
     by_paper = create_detector('paper', recording.grid).update_all(recording)
     return {
-        'demands': detector.demands._asdict(),
+        'thresholds': detector.thresholds._asdict(),
         'candidates': rows,
         'samples': _samples(recording, detection),
         'ids': [one.id for one in detections],
@@ -126,7 +126,7 @@ def draw(figures: dict[str, Any]) -> Any:
             others[name] = line('', colour) | {'marker': sign}
             times_s, values = ([row[key] for row in rows] for key in ('time_s', 'evidence'))
             below.plot(times_s, values, **others[name])
-    threshold = figures['demands']
+    threshold = figures['thresholds']
     # Only what has evidence is put to the other two tests.
     for row in read:
         words = (

@@ -12,7 +12,7 @@ _USUAL_WORDS = IDS - len(RESERVED_IDS)
 _USUAL_ZONES = 16
 
 
-class Demands(NamedTuple):
+class Thresholds(NamedTuple):
     """Thresholds of log likelihood ratios [nats]."""
 
     evidence: float  # minimum ratio to noise and a wandering level
@@ -22,7 +22,7 @@ class Demands(NamedTuple):
     margin_of_more: float  # the same if more packets may follow: then an ambiguous one can wait
 
 
-def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Demands:
+def thresholds(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Thresholds:
     """Return the thresholds for a budget over all zones (`evaluation.experiments.roc`)."""
     trials = (
         zones
@@ -34,7 +34,7 @@ def demands(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) 
         / (false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
     )
     lenience = min(max(math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR), -4.0), 4.0)
-    return Demands(
+    return Thresholds(
         evidence=26.0 + math.log(trials),
         wandering=6.0,
         word=8.0,

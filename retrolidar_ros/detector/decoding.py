@@ -95,7 +95,7 @@ class Decoding:
                 )
             lines.append(f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {bits:>9}  {outcome}')
         if isinstance(self._detector, LikelihoodDetector):
-            thresholds = self._detector.demands
+            thresholds = self._detector.thresholds
             lines.append(
                 f'thresholds [nats]: evidence ≥ {thresholds.evidence:.1f}, '
                 f'word ≤ {thresholds.word:.1f}, margin ≥ {thresholds.margin:.1f}'

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.core import array, ffi, lib
-from retrolidar_ros.detector.budget import demands
+from retrolidar_ros.detector.budget import thresholds
 from retrolidar_ros.detector.detection import (
     Bearing,
     Detection,
@@ -122,7 +122,7 @@ class LikelihoodDetector:
         self._unplaced = 0
         self._rejections = Rejections(grid)
         ids = usable_ids(registered_ids)
-        self.demands = demands(
+        self.thresholds = thresholds(
             false_ids_per_hour, zones=grid.zones, words=len(ids), bit_s=bit_period_s
         )
         settings = ffi.new(
@@ -132,7 +132,7 @@ class LikelihoodDetector:
                 'max_packets': max_packets,
                 'kept': _MIN_HELD,
                 'bit_s': bit_period_s,
-                'demands': self.demands._asdict(),
+                'thresholds': self.thresholds._asdict(),
             },
         )
         core = lib.rl_detector_create(settings, array('uint16_t', ids), len(ids))
@@ -276,8 +276,8 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
     """Return the core's struct of a sensor with these zones."""
     meaning = np.full(256, lib.RL_INVALID)
     meaning[list(sensor.valid)] = lib.RL_VALID
-    meaning[list(sensor.nothing)] = lib.RL_NOTHING
-    meaning[list(sensor.faint)] = lib.RL_FAINT
+    meaning[list(sensor.nothing)] = lib.RL_NO_TARGET
+    meaning[list(sensor.faint)] = lib.RL_LOW_SIGNAL
     fields: dict[str, Any] = {
         'rows': grid.rows,
         'columns': grid.columns,

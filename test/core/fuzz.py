@@ -62,7 +62,7 @@ def settings_of(rng: np.random.Generator) -> dict[str, Any]:
         'max_packets': max_packets,
         'kept': KEPT,
         'bit_s': bit_s,
-        'demands': {
+        'thresholds': {
             'evidence': either(28.0, 40 * rng.random()),
             'wandering': either(6.0, 0.0),
             'word': either(8.0, 1e3),
@@ -250,7 +250,7 @@ def check(lib: Any, detector: Any, settings: dict[str, Any], ids: NDArray[np.uin
         check_transmission(one.transmission, settings)
         assert np.isfinite([one.begin_s, one.end_s, one.evidence, one.margin]).all()
         assert one.begin_s < one.end_s
-        assert one.evidence >= settings['demands']['evidence']
+        assert one.evidence >= settings['thresholds']['evidence']
         assert 1 <= reading.zones <= 16
         assert all(0 <= zone < zones for zone in reading.zone[0 : reading.zones])
 
