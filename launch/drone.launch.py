@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sensor that looks up, and the node that warns when the drone's marker is overdue.
 
-With sensors:=3, as many on a triangle on the ground locate the drone, too.
+With sensors:=3, three sensors in a triangle on the ground also locate the drone.
 """
 
 import math
@@ -93,9 +93,9 @@ def generate_launch_description():
         'emulate_base': ('', SENSOR['emulate_base'][1]),
         **preset('detector', marker_file=MARKERS),
         'sensors': ('1', 'Number of sensors: 1, or 3 to locate the drone.'),
-        'ports': ('[]', 'Of three, as [/dev/a, /dev/b, /dev/c].'),
+        'ports': ('[]', 'Devices of three sensors, as [/dev/a, /dev/b, /dev/c].'),
         'edge': ('0.4', 'Edge of the triangle of sensors [m]; the first is on its x axis.'),
-        'fixed_frame': ('ground', 'Frame of that triangle: its middle, z up.'),
+        'fixed_frame': ('ground', 'TF frame in the middle of the triangle, with z up.'),
         **preset('landmarks', acceleration='0.04'),
     }
     return launch_description(arguments, _drone)

@@ -1,8 +1,8 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One host of a hall: its sensors in one process, and others found by a discovery server.
+"""One host of several in a hall: its sensors in one process, and a discovery server for all hosts.
 
-On one host: ros2 launch retrolidar_ros hall.launch.py serve:=true ports:=[/dev/ttyACM0]
+On one host: ros2 launch retrolidar_ros hall.launch.py serve:=true ports:=[...] names:=[...]
 On the rest: ros2 launch retrolidar_ros hall.launch.py server:=HOST:11811 ports:=[...] names:=[...]
 """
 
@@ -50,10 +50,10 @@ def generate_launch_description():
     arguments = {
         **COMMON,
         **preset('reader', ports='[]', names='[]'),
-        'namespace': ('retrolidar', 'Common namespace; each sensor adds its name.'),
-        'markers': ('', 'One topic for all detections, as /retrolidar/markers.'),
-        'server': ('', 'Discovery server, HOST:PORT; empty = none but that of serve.'),
-        'serve': ('false', 'Whether the discovery server runs here.'),
+        'namespace': ('retrolidar', 'Namespace of all sensors, to which each adds its name.'),
+        'markers': ('', 'One topic for all detections; empty = one for each sensor.'),
+        'server': ('', 'Discovery server, as HOST:PORT; empty = none, or that of serve.'),
+        'serve': ('false', 'Whether the discovery server runs on this host.'),
     }
     arguments.pop('single_process')  # it is one
     arguments.pop('autostart')

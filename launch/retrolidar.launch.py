@@ -85,6 +85,6 @@ def generate_launch_description():
         **SENSOR,
         **unset('detector', 'child_frame', 'publish_tf', 'tf_source'),
         'markers': ('markers', 'Topic of the detections.'),
-        'emulate_options': ('', 'Options of `retrolidar emulate`, which --help lists.'),
+        'emulate_options': ('', 'More options of `retrolidar emulate`, such as --seed 3.'),
     }
     return launch_description(arguments, _nodes)

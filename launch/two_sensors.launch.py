@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Two sensors, left and right, whose detections come on one topic.
+"""Two sensors, left and right, which publish their detections on one topic.
 
 Each has its own namespace, port and frame. A marker that both see has a TF frame below each, such
 as left_mug and right_mug, since TF allows one parent per frame.
@@ -39,9 +39,10 @@ def _sensors(context):
 
 def generate_launch_description():
     """Return the launch arguments and what they start."""
-    arguments = {**COMMON, 'namespace': ('retrolidar', 'Of both, which add /left and /right.')}
+    text = 'Namespace of both sensors, to which they add /left and /right.'
+    arguments = {**COMMON, 'namespace': ('retrolidar', text)}
     for side in _SIDES:
-        arguments[f'{side}_port'] = ('', f'Device of the {side} sensor, by serial number.')
+        arguments[f'{side}_port'] = ('', f'Device of the {side} sensor, under /dev/serial/by-id.')
         arguments[f'{side}_frame'] = (f'{side}_optical_frame', f'TF frame of the {side} sensor.')
-        arguments[f'{side}_emulate'] = ('', f'A scene to emulate instead of the {side} sensor.')
+        arguments[f'{side}_emulate'] = ('', f'Scene to emulate instead of the {side} sensor.')
     return launch_description(arguments, _sensors)

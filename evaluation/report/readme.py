@@ -14,6 +14,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
+from textwrap import fill as wrapped
 from typing import Any
 
 from evaluation.experiments.registry import EXPERIMENTS, LONG, save_chart
@@ -41,20 +42,25 @@ def load(directory: Path, names: Iterable[str] = EXPERIMENTS) -> dict[str, dict[
 
 def _run(report: Report) -> str:
     runs = [figures['run'] for figures in report.values()]
-    kinds = defaultdict[str, set[int]](set)
+    software = defaultdict[str, dict[str, set[int]]](lambda: defaultdict(set))
     for run in runs:
         versions = ', '.join(f'{name} {of}' for name, of in run['versions'].items() if of)
-        kind = (
-            f'{run["processor"]} ({run["cores"]} cores), {run["system"]} {run["machine"]}, '
-            f'Python {run["python"]}, {versions}'
-        )
-        kinds[kind].add(run['seed'])
-    seeds = {kind: ', '.join(map(str, sorted(own))) for kind, own in kinds.items()}
-    where = '; and on '.join(sorted(f'{kind}; seeds: {own}' for kind, own in seeds.items()))
+        kind = f'{run["system"]} {run["machine"]}, Python {run["python"]}, {versions}'
+        software[kind][f'{run["processor"]} ({run["cores"]} cores)'].add(run['seed'])
+    where = [
+        f'{processor}, seeds {", ".join(map(str, sorted(seeds)))}, with {kind}'
+        for kind, processors in sorted(software.items())
+        for processor, seeds in sorted(processors.items())
+    ]
+    if len(software) == 1:
+        (kind,) = software
+        where = [text.removesuffix(f', with {kind}') for text in where]
+        where[-1] += f'; with {kind}'
     minutes = sum(run['cpu_s'] for run in runs) / 60
     rough = any(run['quick'] for run in runs)
     quick = '**A quick run: few trials, rough figures.** ' if rough else ''
-    return f'{quick}Measured on {where}. All experiments took {minutes:.0f} minutes of a core.'
+    text = f'Measured on {"; ".join(where)}. All experiments took {minutes:.0f} minutes of a core.'
+    return wrapped(quick + text, 120)
 
 
 def filled(text: str, report: Report) -> str:

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames to and from rosbag2 bags, without ROS; they are read without `rosbags`, too."""
+"""Read and write frames in rosbag2 bags without ROS; only writing needs the library `rosbags`."""
 
 from retrolidar_ros.bag.messages import FRAME_TYPE, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC, read_frames, salvage_frames

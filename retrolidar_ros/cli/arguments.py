@@ -81,7 +81,10 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
         'parameters of the detector', 'as those of the node; options override the file'
     )
     options.add_argument(
-        '--params', type=Path, metavar='FILE', help='parameter file, as of `retrolidar calibrate`'
+        '--params',
+        type=Path,
+        metavar='FILE',
+        help='parameter file, such as `retrolidar calibrate` writes',
     )
     for name in READING:
         one = declared()['detector'][name]
@@ -126,4 +129,6 @@ def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:
 def add_bag(command: argparse.ArgumentParser) -> None:
     """Add a bag and a topic in it."""
     command.add_argument('bag', type=Path, help='rosbag2 directory, .mcap or .db3 file')
-    command.add_argument('--topic', default=FRAMES_TOPIC, help='in the bag (default: %(default)s)')
+    command.add_argument(
+        '--topic', default=FRAMES_TOPIC, help='topic in the bag (default: %(default)s)'
+    )

@@ -25,9 +25,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     ):
         command.add_argument(f'--{name}', default=default, help=f'{what} (default: %(default)s)')
     command.add_argument(
-        '--queries', type=float, default=1.0, help='packets an hour (default: %(default)g)'
+        '--queries', type=float, default=1.0, help='packets per hour (default: %(default)g)'
     )
-    command.add_argument('--json', action='store_true', help='one JSON object')
+    command.add_argument('--json', action='store_true', help='print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:

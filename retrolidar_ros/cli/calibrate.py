@@ -16,8 +16,8 @@ from retrolidar_ros.tasks.calibration.report import missing, parameter_file, sen
 
 HELP = 'estimate the parameters of a recorded sensor and its markers'
 DESCRIPTION = (
-    'Writes calibration.yaml, a params_file of the nodes and of decode, and calibration.png, the '
-    'noise over the signal. Only what the recording shows is written. '
+    'Writes calibration.yaml, a parameter file of the nodes and of decode, with what the recording '
+    'shows, and calibration.png, the noise over the signal. '
     f'Exit code {NOTHING_READ} if no marker is read.'
 )
 
@@ -28,14 +28,14 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         '--distance',
         type=measured('length', 0.05, 10),
-        help="from sensor to clearest marker, as in '1.2 m'",
+        help="measured distance from the sensor to the clearest marker, as in '1.2 m'",
     )
     command.add_argument(
         *('-o', '--output'),
         type=output_path,
         default=Path('calibration'),
         metavar='DIR',
-        help='(default: %(default)s)',
+        help='directory to write to (default: %(default)s)',
     )
 
 

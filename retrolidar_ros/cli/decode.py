@@ -30,9 +30,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_bag(command)
     add_detector_options(command)
-    command.add_argument('--json', action='store_true', help='one JSON object a line')
+    command.add_argument('--json', action='store_true', help='print one JSON object per line')
     command.add_argument(
-        '--tracks', action='store_true', help='where each marker is at every frame, once it is read'
+        '--tracks',
+        action='store_true',
+        help='print where each marker is at every frame, once it is read',
     )
     command.add_argument('--explain', action='store_true', help='describe every blinking zone')
 

@@ -40,10 +40,10 @@ _TAKEN = (
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     command.add_argument(
-        'scene', nargs='?', default='coffee', help='name or file (default: coffee)'
+        'scene', nargs='?', default='coffee', help='name or file of a scene (default: coffee)'
     )
     command.add_argument(
-        '-o', '--output', type=output_path, help='picture (default: demo_SCENE.png)'
+        '-o', '--output', type=output_path, help='picture to write (default: demo_SCENE.png)'
     )
 
 

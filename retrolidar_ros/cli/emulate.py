@@ -19,14 +19,23 @@ DESCRIPTION = 'Without a scene, lists those that ship with the package.'
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    command.add_argument('scene', nargs='?', help='name or file')
+    command.add_argument('scene', nargs='?', help='name or file of a scene')
     where = command.add_mutually_exclusive_group()
-    where.add_argument('--port-link', type=Path, help='in real time, at a serial port linked here')
-    where.add_argument('--bag', type=output_path, help='at once, into a new rosbag2 directory')
-    command.add_argument(
-        '--storage', choices=STORAGES, default=STORAGES[0], help='of the bag (default: %(default)s)'
+    where.add_argument(
+        '--port-link',
+        type=Path,
+        help='act in real time as a sensor at a serial port with this path',
     )
-    command.add_argument('--duration', type=seconds, help='stop after [s]')
+    where.add_argument(
+        '--bag', type=output_path, help='write frames at once into a new rosbag2 directory'
+    )
+    command.add_argument(
+        '--storage',
+        choices=STORAGES,
+        default=STORAGES[0],
+        help='storage of the bag (default: %(default)s)',
+    )
+    command.add_argument('--duration', type=seconds, help='end after this time [s]')
     command.add_argument(
         '--at',
         type=measured('length', -1e3, 1e3),
@@ -34,11 +43,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar=('X', 'Y', 'Z'),
         help='position of the sensor in the scene [m]',
     )
-    command.add_argument('--seed', type=int, help="of the noise (default: the scene's)")
+    command.add_argument('--seed', type=int, help="seed of the noise (default: the scene's)")
     command.add_argument(
         '--start',
         type=measured('time', -1e9, 1e9),
-        help="the scene's time zero, by this machine's monotonic clock (default: now) [s]",
+        help="when the scene begins, by this machine's monotonic clock (default: now) [s]",
     )
 
 

@@ -10,11 +10,10 @@ from retrolidar_ros.marker.dictionary import SAFE_DISTANCE, choose_ids, confusab
 
 HELP = 'choose marker IDs that are hard to confuse, or check given ones'
 DESCRIPTION = (
-    'The distance of two IDs is the fewest bits, of 31, in which the packet of one differs from '
-    'that of the other when the reading of a repeating marker starts at any bit. At a distance of '
-    '8, which the Golay code has when read from the first bit, three wrong bits do not turn one '
-    'into the other; at 6 two, at 4 one, at 2 none. An ID has a distance to itself too, read from '
-    'any bit but the first.'
+    'A repeating marker may be read from any bit. So the distance of two IDs is the fewest bits, '
+    'of 31, in which the packet of one differs from any cyclic shift of the packet of the other. '
+    'At a distance of 8 three wrong bits do not turn one ID into the other, at 6 two, at 4 one, '
+    'at 2 none. An ID also has a distance to itself, over all shifts but 0.'
 )
 
 
@@ -30,18 +29,18 @@ def marker_ids(text: str) -> list[int]:
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     task = command.add_mutually_exclusive_group(required=True)
-    task.add_argument('--count', type=int, metavar='N', help='print so many IDs, one a line')
+    task.add_argument('--count', type=int, metavar='N', help='print this many IDs, one per line')
     task.add_argument(
         '--check',
         type=marker_ids,
         metavar='ID,ID,…',
-        help='name the pairs that are too near; exit code 1 if there are any',
+        help='print the pairs that are too near; exit code 1 if there are any',
     )
     command.add_argument(
         '--min-distance',
         type=int,
         metavar='BITS',
-        help='least distance allowed (default: to choose, the largest possible; to check, 8)',
+        help='minimum distance (default: with --count the largest possible, with --check 8)',
     )
 
 

@@ -20,7 +20,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_bag(command)
     add_detector_options(command)
-    command.add_argument('-o', '--output', type=output_path, required=True, help='PNG file')
+    command.add_argument(
+        '-o', '--output', type=output_path, required=True, help='PNG file to write'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

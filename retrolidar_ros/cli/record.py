@@ -32,12 +32,15 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_port(command)
     command.add_argument(
-        '-o', '--output', type=output_path, required=True, metavar='BAG', help='directory to make'
+        '-o', '--output', type=output_path, required=True, metavar='BAG', help='directory to create'
     )
     command.add_argument(
-        '--storage', choices=STORAGES, default=STORAGES[0], help='(default: %(default)s)'
+        '--storage',
+        choices=STORAGES,
+        default=STORAGES[0],
+        help='storage of the bag (default: %(default)s)',
     )
-    command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    command.add_argument('--duration', type=seconds, metavar='S', help='end after this time [s]')
 
 
 def summary(monitor: FrameMonitor, elapsed_s: float, rate_hz: float, silence: str) -> str:

@@ -13,7 +13,7 @@ from retrolidar_ros.settings.interrupts import interrupted_once
 from retrolidar_ros.settings.parameter import declared
 
 HELP = 'publish the frames of a bag to ROS'
-DESCRIPTION = 'Stamps stay as they were recorded. Needs ROS 2, but not rosbag2.'
+DESCRIPTION = 'Keeps the recorded stamps, and publishes no /clock. Needs ROS 2, but not rosbag2.'
 _DISCOVERY_S = 3.0  # until there is a subscriber, or not
 
 
@@ -28,10 +28,12 @@ def rate(text: str) -> float:
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_bag(command)
-    command.add_argument('--to', metavar='TOPIC', help='where they go (default: as in the bag)')
-    command.add_argument('--rate', type=rate, default=1.0, help='times as fast (default: 1)')
+    command.add_argument(
+        '--to', metavar='TOPIC', help='topic to publish to (default: as in the bag)'
+    )
+    command.add_argument('--rate', type=rate, default=1.0, help='factor of the speed (default: 1)')
     command.add_argument('--loop', action='store_true', help='begin again at the end')
-    command.add_argument('--frame-id', help='TF frame of the sensor (default: of the driver)')
+    command.add_argument('--frame-id', help="TF frame of the sensor (default: the driver's)")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -38,8 +38,8 @@ from retrolidar_ros.settings.interrupts import interrupted_once
 
 HELP = 'show zones, bits and markers of a sensor live'
 DESCRIPTION = (
-    'Updates a terminal five times a second, else prints a line a second. End with Ctrl-C. Exit '
-    'code 1 if a duration ends without any frame.'
+    'Updates a terminal five times a second; without a terminal, prints a line per second. Ctrl-C '
+    'ends it. Exit code 1 if a duration ends without any frame.'
 )
 _SCREEN_S, _LINE_S = 0.2, 1.0  # between two pictures, or two lines of a log
 _KEPT_BITS = PACKET_BITS + 3  # a packet whose end may be anywhere
@@ -185,9 +185,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         '--zone',
         type=int,
         metavar='N',
-        help='whose bits to show (default: the one that blinks most)',
+        help='zone whose bits to show (default: the one that blinks most)',
     )
-    command.add_argument('--duration', type=seconds, metavar='S', help='stop after [s]')
+    command.add_argument('--duration', type=seconds, metavar='S', help='end after this time [s]')
     add_detector_options(command)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames in, detections out: the core decides; the method of the paper is the baseline."""
+"""From frames to detections: method `joint` in the core, and the method of the paper."""
 
 from retrolidar_ros.detector.detection import Detection, Detector, DetectorCounts
 from retrolidar_ros.detector.methods import METHODS, create_detector

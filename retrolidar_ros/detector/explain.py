@@ -92,7 +92,10 @@ class Explanation:
         return result
 
     def why(self, zone: BlinkingZone) -> Iterator[Finding | None]:
-        """Yield why a zone is not read, after each trial; None before the likely ones are made."""
+        """Yield why a zone is not read, after each trial.
+
+        None before the likely ones are made, and if the configured bit period reads it after all.
+        """
         values = {'zone': zone.zone, 'blinks_db': zone.modulation_db}
         likely_s = self._likely(zone)
         is_alike = not zone.is_clocked or is_among(self._bit_s, likely_s)
@@ -111,7 +114,7 @@ class Explanation:
                 yield None
             elif read:
                 self._explained |= self._seen(read.detections)
-                yield _bit_period(zone, read, self._bit_s)
+                yield _bit_period(zone, read, self._bit_s) if self._is_another(read) else None
             elif not zone.is_clocked:
                 yield Finding(Cause.NO_CLOCK, **values)
             else:
@@ -145,11 +148,14 @@ class Explanation:
         if zone is not None:
             for trial in trials(self.recording, [bit_s, *self._likely(zone)], self._read_with):
                 again = trial.within(zone.zone)
-                is_another = abs(again.bit_period_s / self._bit_s - 1) > CAPTURE / 2
-                if len(again.detections) > len(own) and is_another:
+                if len(again.detections) > len(own) and self._is_another(again):
                     return _bit_period(zone, again, self._bit_s)
         few = Finding(Cause.FEW_READ, ids=marker_id, read=read, sent=sent)
         return next(iter(self._more_packets(read)), few)
+
+    def _is_another(self, trial: Trial) -> bool:
+        """Return whether the bit period of a trial is not the configured one."""
+        return bool(abs(trial.bit_period_s / self._bit_s - 1) > CAPTURE / 2)
 
     def _more_packets(self, read: int) -> list[Finding]:
         """Return that a larger max_packets reads more, if it does."""

@@ -36,18 +36,18 @@ def create_detector(
     method : str
         One of `METHODS`.
     grid : ZoneGrid
-        The zones of the frames to come.
+        The zones of the frames.
     bit_period_s : float
         How long a marker holds a bit [s].
     likelihood_threshold : float
-        Least likelihood l of a preamble (method `paper`).
+        Minimum likelihood l of a preamble (method `paper`).
     false_ids_per_hour : float
         Budget of false IDs per hour, over all zones (method `joint`).
     max_packets : int
         How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
     registered_ids : array of int, optional
-        The only IDs that are read; the fewer, the farther. Method `paper` drops others after
-        decoding, and its reach stays the same.
+        The only IDs that are read. With fewer IDs, method `joint` reads farther; `paper` drops
+        others after decoding, and its reach stays the same.
     sensor : SensorModel
         Noise, optics and limits of the sensor (method `joint`).
     """

@@ -38,13 +38,13 @@ from retrolidar_ros.settings.parameter import declared, file_sections, file_valu
 SHARE = FindPackageShare('retrolidar_ros')
 PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
 MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
+_AS_IN_FILE = 'If it is not given, the parameter file decides.'
 
 
 def unset(kind: str, *names: str) -> dict[str, tuple[Any, str]]:
     """Return launch arguments that override parameters of a node if they are not empty."""
-    as_in_file = 'Empty = as in the parameter file.'
     described = preset(kind, **dict.fromkeys(names, ''))
-    return {name: ('', f'{text} {as_in_file}') for name, (_, text) in described.items()}
+    return {name: ('', f'{text} {_AS_IN_FILE}') for name, (_, text) in described.items()}
 
 
 def preset(kind: str, **defaults: Any) -> dict[str, tuple[Any, str]]:
@@ -53,26 +53,26 @@ def preset(kind: str, **defaults: Any) -> dict[str, tuple[Any, str]]:
 
 
 COMMON: dict[str, tuple[Any, str]] = {
-    'params_file': (PARAMETERS, 'Parameters of the nodes.'),
+    'params_file': (PARAMETERS, 'File with the parameters of all nodes.'),
     **unset('detector', 'marker_file'),
     **unset('driver', 'protocol', 'autostart'),
-    'frame_prefix': ('', 'Prefix of the TF frames that are sent, such as robot1/.'),
+    'frame_prefix': ('', 'Prefix of all TF frames that are sent, such as robot1/.'),
     'single_process': ('false', 'Whether driver and detector share a process, the reader.'),
-    'log_level': ('info', 'debug, info, warn, error or fatal.'),
-    'use_sim_time': ('', 'Whether time is that of /clock; empty = as in the parameter file.'),
-    'respawn': ('true', 'Whether a node that fails is started again, after a delay.'),
-    'respawn_delay': ('2.0', 'That delay [s].'),
+    'log_level': ('info', 'Level of the log: debug, info, warn, error or fatal.'),
+    'use_sim_time': ('', f'Whether nodes take their time from /clock. {_AS_IN_FILE}'),
+    'respawn': ('true', 'Whether a node that fails is started again.'),
+    'respawn_delay': ('2.0', 'Delay before a failed node is started again [s].'),
     'rviz': ('false', 'Whether RViz starts, too.'),
 }
 """Launch arguments of every launch file: default and description."""
 SENSOR: dict[str, tuple[Any, str]] = {
     **COMMON,
     **unset('driver', 'serial_port', 'frame_id'),
-    'namespace': ('retrolidar', 'Of nodes and topics.'),
-    'emulate': ('', 'A scene to emulate instead of a sensor: a file, or the name of one.'),
+    'namespace': ('retrolidar', 'Namespace of nodes and topics.'),
+    'emulate': ('', 'Scene to emulate instead of a sensor: a name, such as coffee, or a file.'),
     'emulate_base': (
         'base_link',
-        'TF frame of an arm that moves the emulated sensor; empty = none.',
+        'Base frame of an arm that moves the emulated sensor; empty = no arm.',
     ),
 }
 """Those of every launch file for one sensor."""

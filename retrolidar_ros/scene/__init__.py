@@ -1,9 +1,9 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The smallest model of marker, sensor and room that a scene asks for.
+"""Simulate a sensor that sees markers, as a scene file describes.
 
-`description` reads it from a file, `transmission` is what a liquid crystal lets through, `optics`
-how much of it reaches which zone, `laboratory` what else happens, `simulation` what is reported.
+`description` reads the file; `transmission` is the light that a liquid crystal lets through;
+`optics` says which zones it reaches; `laboratory` adds disturbances; `simulation` makes the frames.
 """
 
 from retrolidar_ros.scene.description import Scene, parse_scene

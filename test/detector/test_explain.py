@@ -72,6 +72,18 @@ def test_the_bit_period_advised_is_the_true_one(bit_ms: float, range_m: float, s
     assert sum(one.packets for one in read) * 31 * bit_ms * 1e-3 > 0.6 * 20
 
 
+def test_a_near_trial_that_reads_advises_no_bit_period_that_is_set(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A detector for bits of 43 ms measures 42 ms, which is the parameter."""
+    decoding = Decoding(defaults())
+    list(decoding.detect(seen(marker())))
+    explanation = decoding.explanation()
+    monkeypatch.setattr(explanation, '_likely', lambda zone: [0.043])
+    *_, last = explanation.why(explanation.zones[0])
+    assert last is None
+
+
 def test_one_packet_tells_its_bit_period_too() -> None:
     lone = seen(marker(1.2, bit_period_s=0.06, start_s=2.0, packets=1), seconds=6)
     (advice,) = explained(lone)
