@@ -17,9 +17,9 @@ static inline double rl_price_of_profile(void)
     return RL_COST_OF_GAIN * (RL_KNOTS - 1);
 }
 
+/* Their ratio is the steady gain. */
 struct rl_gain_profile {
-    double nats;          /* log likelihood ratio of the steps against no light, less its price */
-    double cross, energy; /* their ratio is the steady gain */
+    double cross, energy;
 };
 
 /* Fit a gain that is linear between RL_KNOTS knots, equally spaced over the rows. It is fitted to
