@@ -282,7 +282,8 @@ void rl_process_frame(struct rl_detector *detector)
         search_appeared(detector, to_s);
     }
     if (is_new_slot) {
-        search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);
+        const double slot_s = RL_LOOK_BITS * bit_s;
+        search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);
         search_beside(detector, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {

@@ -143,12 +143,16 @@ static bool is_of_one_marker(const struct rl_packet_train *one, const struct rl_
 
 int rl_interference_marker(const struct rl_interference *interference, int index)
 {
-    int first = 0;
-    while (first < index && !is_of_one_marker(&interference->train[first],
-                                              &interference->train[index])) {
-        first++;
+    const struct rl_packet_train *train = interference->train;
+    int first[RL_MAX_TRAINS];
+    for (int i = 0; i <= index; i++) {
+        first[i] = 0;
+        while (first[i] < i && (first[first[i]] != first[i] ||
+                                !is_of_one_marker(&train[first[i]], &train[i]))) {
+            first[i]++;
+        }
     }
-    return first;
+    return first[index];
 }
 
 void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
@@ -166,8 +170,8 @@ void rl_interference_light(const struct rl_interference *interference, int marke
         if (rl_interference_marker(interference, i) != marker) {
             continue;
         }
-        rl_train_light(&interference->train[i], continues && i == last, begin_s, end_s,
-                              rows, i == marker ? light : part);
+        rl_train_light(&interference->train[i], continues && i == last, begin_s, end_s, rows,
+                       i == marker ? light : part);
         for (int row = 0; i != marker && row < rows; row++) {
             light[row] *= part[row];
         }

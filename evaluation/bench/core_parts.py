@@ -55,7 +55,7 @@ PARTS = {
     ),
     'search of the residual': _call(
         'process_frame',
-        '        search_residual(detector, (double)(slot - 1) * RL_LOOK_BITS * bit_s, to_s);',
+        '        search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);',
     ),
     'residual searched again once it is known': Part(
         'process_frame', 'from_s - again * packet_s', 'from_s - 0.0 * again * packet_s'

@@ -203,6 +203,21 @@ def test_interferers_are_fitted_along(core: Statistics) -> None:
     assert evidence([zone], first) > 2 * evidence([alone], first)
 
 
+def test_each_train_is_of_a_marker_that_begins_with_itself(core: Statistics) -> None:
+    """Otherwise its light would be left out."""
+    known = core.window.interference
+    known.count = 3
+    spans = (0.0, 1.0), (1.0, 2.0), (0.0, 1.0)  # the last begins with the first, but is another's
+    for train, span in zip(known.train, spans, strict=False):
+        train.transmission = core.given(sent_since(2073, 0.0))[0]
+        train.begin_s, train.end_s = (PACKET_S * edge for edge in span)
+    markers = [
+        core.lib.rl_interference_marker(core.ffi.addressof(known), train) for train in range(3)
+    ]
+    known.count = 0
+    assert markers == [0, 0, 2]
+
+
 NUMBERS = (2073, 1234, 3000, 77)
 
 
