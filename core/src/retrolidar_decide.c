@@ -13,6 +13,8 @@ enum {
 static const double MIN_LONGER = 0.9;
 /* A candidate with less than this share of the threshold is rejected at once. */
 static const double MIN_ALONE = 0.4;
+/* Additional evidence, as a share of what interferers explain: their residual may look like one. */
+static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
@@ -113,7 +115,8 @@ static bool is_evident(struct rl_case *judged)
     return verdict->evidence >=
            judged->thresholds->evidence + cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-               (window->fit.walk >= MIN_WALK ? judged->thresholds->wandering : 0.0);
+               (window->fit.walk >= MIN_WALK ? judged->thresholds->wandering : 0.0) +
+               LEFT_OVER * window->whitened.explained;
 }
 
 /* Price of an unknown bit if the marker has just appeared, as it is judged with each bit again. */

@@ -53,6 +53,7 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     int samples = 0;
     whitened->least = least;
     whitened->interferers = 0;
+    whitened->explained = 0.0;
     memset(whitened->log_scales, 0, sizeof whitened->log_scales);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
         variance[walk] = product[walk] = 1.0;
@@ -190,7 +191,9 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool m
     }
     subtract(whitened->signal, (rl_const_column)column, samples, product);
     whitened->interferers++;
+    const double before = whitened->null;
     find_null(whitened);
+    whitened->explained += whitened->null - before;
 }
 
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light)

@@ -40,6 +40,7 @@ struct rl_whitened {
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;                     /* least variance of noise that a fit may claim */
     double null;                      /* log likelihood without a packet, the best of all q */
+    double explained;                 /* the part of it that interferers explain */
 };
 
 /* binding */

@@ -47,6 +47,7 @@ PARTS = {
     'earlier packets: gains that change': Part(
         'window', 'changing > steady ? window->part', 'false ? window->part'
     ),
+    'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'earlier packets: those of a marker as one': Part(
         'template', 'return overlap_s < SAME', 'return false && overlap_s < SAME'
     ),

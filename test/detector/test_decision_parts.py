@@ -23,6 +23,8 @@ class Marker(NamedTuple):
     id: int
     packets: int = 1
     gain: float = 60.0
+    beside: int | None = None
+    """Another ID that is sent in its zone, and known, 10 times as bright."""
     walk: float = 0.0
     """Steps of the wall's signal from frame to frame [kcps/SPAD]."""
 
@@ -38,10 +40,19 @@ def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
     wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(sent)))
     own_zone = np.arange(GRID.zones) == 0
     mean = wall[:, None] + marker.gain * sent[:, None] * own_zone
+    if marker.beside is not None:
+        other = Sending(packet(marker.beside).astype(np.float64), True, 0.3, BIT_PERIOD_S)
+        seen = light(other, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+        mean += 10 * marker.gain * seen[:, None] * own_zone
     signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
     stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
     core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
     # Times of the core count from the middle of the first exposure.
+    if marker.beside is not None:
+        known = core.window.interference
+        known.count = 1
+        known.train[0].transmission = core.given(other._replace(start_s=0.3 - PERIOD_S / 2))[0]
+        known.train[0].begin_s, known.train[0].end_s = 0.0, middle_s[-1]
     sending = sending._replace(start_s=START_S - PERIOD_S / 2)
     to_s = sending.start_s + marker.packets * PACKET_S + 0.02
 
@@ -83,6 +94,13 @@ def test_a_packet_needs_more_evidence_where_the_level_wanders(core: Statistics) 
     for walk, asked in ((0.0, 0.0), (10.0, 12.0)):
         marker = Marker(2073, walk=walk)
         assert price(core, marker, 12.0) - price(core, marker) == pytest.approx(asked, abs=0.1)
+
+
+def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: Statistics) -> None:
+    core.start_codebook()
+    beside = price(core, Marker(2073, beside=1234))
+    assert beside == pytest.approx(constant('LEFT_OVER') * core.window.whitened.explained, rel=0.01)
+    assert beside > 5.0
 
 
 @pytest.mark.parametrize('rate', [0.95, 1.05])
