@@ -8,7 +8,7 @@ The assertions are the same whether a launch file or a plain process runner star
 import threading
 import time
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, dropwhile
 from pathlib import Path
 
 import numpy as np
@@ -195,20 +195,28 @@ def check_detections(
     def key(one: TransformStamped | MarkerDetection) -> tuple[str, int]:
         return one.child_frame_id, to_ns(one.header.stamp)
 
+    def transforms() -> dict[tuple[str, int], TransformStamped]:
+        return {key(one): one for one in listener.transforms}
+
     def read(marker: Marker) -> list[MarkerDetection]:
         # Any topic may have been found before the others.
-        sent, first_ns = {key(one) for one in listener.transforms}, min(frame_stamps())
+        sent, first_ns = transforms(), min(frame_stamps())
         own = [one for one, _ in listener.markers if one.header.frame_id == frame_id]
-        own = [one for one in own if to_ns(one.end) >= first_ns and key(one) in sent]
-        return [one for one in own if one.id == marker.id]
+        own = [one for one in own if one.id == marker.id and to_ns(one.end) >= first_ns]
+        return [*dropwhile(lambda one: key(one) not in sent, own)]
 
     assert listener.spin_until(
         lambda: bool(frame_stamps()) and all(map(read, scene.markers)), PATIENCE_S
     ), 'not all are read'
     detections = {marker.id: read(marker) for marker in scene.markers}
-    ends = {to_ns(message.end) for message in chain.from_iterable(detections.values())}
+    everything = [*chain.from_iterable(detections.values())]
+    ends, keys = {to_ns(message.end) for message in everything}, {*map(key, everything)}
     assert listener.spin_until(lambda: ends <= {*frame_stamps()}, PATIENCE_S), 'frames are missing'
-    transforms = {key(one): one for one in listener.transforms}
+    assert listener.spin_until(lambda: keys <= {*transforms()}, PATIENCE_S), (
+        'transforms are missing'
+    )
+    if frames is None:
+        assert {one.header.frame_id for one, _ in listener.markers} == {frame_id}
     for marker in scene.markers:
         for message in detections[marker.id]:
             assert message.child_frame_id == name.format(marker)
@@ -223,7 +231,7 @@ def check_detections(
             place_m = vector_of(message.pose.pose.position)
             truth_m = np.array(marker.position_m)
             check_place(place_m, covariance_of(message.pose)[:3, :3], truth_m, np.zeros(3))
-            transform = transforms[message.child_frame_id, stamp_ns]
+            transform = transforms()[key(message)]
             assert transform.header.frame_id == frame_id
             assert (vector_of(transform.transform.translation) == place_m).all()
             assert transform.transform.rotation == message.pose.pose.orientation

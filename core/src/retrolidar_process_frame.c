@@ -264,8 +264,9 @@ void rl_process_frame(struct rl_detector *detector)
     if (comes(STRETCH_BITS * bit_s, from_s, to_s)) {
         search(detector, channels, count, 1, from_s, to_s, -INFINITY);
     }
-    const int64_t slot = (int64_t)floor(to_s / (RL_LOOK_BITS * bit_s));
-    const bool is_new_slot = comes(RL_LOOK_BITS * bit_s, from_s, to_s);
+    const double slot_s = RL_LOOK_BITS * bit_s;
+    const int64_t slot = (int64_t)floor(to_s / slot_s);
+    const bool is_new_slot = comes(slot_s, from_s, to_s);
     /* Several packets are searched as soon as so many have come, and then in turn. */
     for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
         const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + RL_MAX_SKEW) + 1.0;
@@ -282,7 +283,6 @@ void rl_process_frame(struct rl_detector *detector)
         search_appeared(detector, to_s);
     }
     if (is_new_slot) {
-        const double slot_s = RL_LOOK_BITS * bit_s;
         search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);
         search_beside(detector, to_s);
     }

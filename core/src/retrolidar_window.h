@@ -17,7 +17,9 @@ static inline double rl_price_of_profile(void)
     return RL_COST_OF_GAIN * (RL_KNOTS - 1);
 }
 
-/* Their ratio is the steady gain. */
+/* Sums over the steps from row to row: of the signal with the light, and of the light squared. Their
+ * ratio is the steady gain.
+ */
 struct rl_gain_profile {
     double cross, energy;
 };

@@ -131,16 +131,25 @@ class Explanation:
             if zone.zone not in self._explained and len(result) < _MAX_ZONES:
                 self._explained.add(zone.zone)
                 *_, last = self.why(zone)
-                result += [last] if last else []
+                result.append(last or self._hardly_read(zone))
         return result
+
+    def _hardly_read(self, zone: BlinkingZone) -> Finding:
+        """Return that only trials with about the configured bit period read a zone."""
+        ids = _ids(one for trial in self._trials for one in trial.within(zone.zone).detections)
+        return Finding(Cause.FEW_READ, ids=ids, read=0, sent=self._sent(self._bit_s))
+
+    def _sent(self, bit_s: float) -> int:
+        """Return how many packets a marker sends while the recording lasts."""
+        duration_s = (self.recording.stamp_ns[-1] - self.recording.stamp_ns[0]) * 1e-9
+        return int(duration_s / (PACKET_BITS * bit_s))
 
     def _rarely_read(self, marker_id: int) -> Finding | None:
         """Return why few packets of a marker were read; None if they are not few."""
         own = [one for one in self._detections if one.id == marker_id]
         read = sum(one.packets for one in own)
         bit_s = float(np.median([one.bit_period_s for one in own]))
-        duration_s = (self.recording.stamp_ns[-1] - self.recording.stamp_ns[0]) * 1e-9
-        sent = int(duration_s / (PACKET_BITS * bit_s))
+        sent = self._sent(bit_s)
         # A single reading beside others may be a false ID.
         if read >= _FEW * sent or (read == 1 and len(self._detections) > 1):
             return None

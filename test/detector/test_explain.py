@@ -12,6 +12,7 @@ import pytest
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import Candidate, Reason, Rejections
@@ -76,12 +77,14 @@ def test_a_near_trial_that_reads_advises_no_bit_period_that_is_set(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A detector for bits of 43 ms measures 42 ms, which is the parameter."""
-    decoding = Decoding(defaults())
-    list(decoding.detect(seen(marker())))
-    explanation = decoding.explanation()
-    monkeypatch.setattr(explanation, '_likely', lambda zone: [0.043])
+    monkeypatch.setattr(Explanation, '_likely', lambda *_: [0.043])
+    recording, settings = seen(marker()), DetectorSettings(defaults())
+    explanation = Explanation(recording, settings)
     *_, last = explanation.why(explanation.zones[0])
     assert last is None
+    # What blinks is not said to be steady.
+    (finding,) = Explanation(recording, settings).findings()
+    assert 'ID 2816 was read in 0 packets of 15' in str(finding)
 
 
 def test_one_packet_tells_its_bit_period_too() -> None:
