@@ -129,7 +129,11 @@ struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *v
     for (int i = 0; i < RL_KNOTS; i++) {
         gain[i] = changes ? right[i] : all > 0.0 ? common / all : 0.0;
     }
-    return (struct rl_gain_profile){common, all};
+    /* A marker that begins at the time of another one has the same preamble. */
+    const double price = 2.0 * RL_COST_OF_CHANCE + (changes ? rl_price_of_profile() : 0.0);
+    const double taken = changes ? explained : steady;
+    const double left = fmax((sums.total - taken) / fmax(sums.steps, 1.0), 1e-12);
+    return (struct rl_gain_profile){taken / (2.0 * left) - price, common, all};
 }
 
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)

@@ -39,6 +39,9 @@ static void subtract(struct rl_residual *residual, const struct rl_interference 
     const double expected =
         profile[0].cross / profile[0].energy * (profile[1].energy - profile[0].energy);
     const int form = profile[1].cross - profile[0].cross > RL_MOST * expected;
+    if (!(profile[form].nats > 0.0)) {
+        return;
+    }
     for (int row = 0; row < rows; row++) {
         const double dark = 1.0 - residual->light[form][row];
         signal[row] += (float)(rl_gain_profile_at(gain[form], row, rows) * dark);
@@ -119,12 +122,13 @@ double rl_residual_cancel(struct rl_residual *residual, int zone, int reference,
     double gain[RL_KNOTS];
     rl_reference_light(samples, reference, residual->first, rows, residual->light[0]);
     rl_reference_erase(samples, reference, residual->first, rows, &residual->room, &column);
-    rl_gain_profile_fit(signal, column.valid, residual->light[0], rows, gain);
-    samples->interference_removed[zone] = true;
-    for (int row = 0; row < rows; row++) {
-        signal[row] -= (float)(rl_gain_profile_at(gain, row, rows) * residual->light[0][row]);
+    if (rl_gain_profile_fit(signal, column.valid, residual->light[0], rows, gain).nats > 0.0) {
+        samples->interference_removed[zone] = true;
+        for (int row = 0; row < rows; row++) {
+            signal[row] -= (float)(rl_gain_profile_at(gain, row, rows) * residual->light[0][row]);
+        }
+        fill_missing(signal, column.valid, rows);
     }
-    fill_missing(signal, column.valid, rows);
     return variation(residual, zone);
 }
 

@@ -17,10 +17,11 @@ static inline double rl_price_of_profile(void)
     return RL_COST_OF_GAIN * (RL_KNOTS - 1);
 }
 
-/* Sums over the steps from row to row: of the signal with the light, and of the light squared. Their
- * ratio is the steady gain.
- */
 struct rl_gain_profile {
+    double nats;          /* log likelihood ratio of the steps against no light, less its price */
+    /* Sums over the steps: of the signal with the light, and of the light squared. Their ratio is
+     * the steady gain.
+     */
     double cross, energy;
 };
 

@@ -72,6 +72,9 @@ PARTS = {
     'residual searched again: zones beside, too': Part(
         'pool', 'read_anew |= track->near', 'read_anew |= track->zones'
     ),
+    'search of the residual: markers that explain little': Part(
+        'gain_profile', '2.0 * RL_COST_OF_CHANCE + (changes', '(changes'
+    ),
     'a zone beside as a reference': _call(
         'process_frame', '        search_beside(detector, to_s);'
     ),

@@ -42,10 +42,16 @@ def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
     valid = rng.random(70) > 0.1
     gains = core.array(np.zeros(KNOTS))
     seen = (core.array(signal, 'float'), core.array(valid, 'uint8_t'), core.array(sent))
-    core.lib.rl_gain_profile_fit(*seen, 70, gains)
+    fit = core.lib.rl_gain_profile_fit(*seen, 70, gains)
     followed = np.interp(np.linspace(0, KNOTS - 1, 70), np.arange(KNOTS), list(gains))
     assert followed == pytest.approx(gain, abs=20)
+    # What is left of the steps is noise alone, twice as much of which is in each.
+    steps = np.diff(signal.astype(np.float64)[valid])
+    assert 15 < fit.nats < steps @ steps / (4 * 9.0)
     assert (np.ptp(list(gains)) > 0) == (sway > 0)
+    sending = Sending(packet(1234).astype(np.float64), True, 0.2, BIT_PERIOD_S)
+    other = light(sending, begin_s, begin_s + PERIOD_S)
+    assert core.lib.rl_gain_profile_fit(*seen[:2], core.array(other), 70, gains).nats < 0
 
 
 def column_of(
