@@ -238,6 +238,10 @@ SETS = {
     ),
     'both word tests': ('word test: bits turned', 'word test: bits of the search'),
     'residual and pairs': ('search of the residual', 'pairs of packets'),
+    'few changes and preambles': (
+        'more evidence for few changes',
+        'word test: a preamble that is not known',
+    ),
 }
 """Parts that may cover for each other."""
 
