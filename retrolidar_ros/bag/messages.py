@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.frame import GRIDS, Frame
 
-INSTALL = 'pip install rosbags'
+INSTALL = 'pip install rosbags (on Ubuntu 24.04: --user --break-system-packages)'
 
 
 class BagError(ValueError):

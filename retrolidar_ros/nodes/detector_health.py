@@ -102,7 +102,7 @@ class DetectorHealth:
         problems = self._disturbances(new, publishers)
         unread = self.monitor.unread(settings)
         if stamps_stand(new['frames'] - new['repeated frames'], advance_ns):
-            problems.append((ERROR, 'the stamps of frames stand still: does /clock?'))
+            problems.append((ERROR, 'the stamps of frames stand still: has /clock stopped?'))
         elif rate := self.monitor.rate(settings.values['bit_period']):
             problems.append((WARN, str(rate)))
         if unread:

@@ -88,7 +88,7 @@ class DriverTally:
         elif not new.frames:
             problems.append((ERROR, NO_CLOCK if new.untimed else silence))
         elif stamps_stand(new.frames, new.stamp_ns):
-            problems.append((ERROR, 'the stamps stand still: does /clock?'))
+            problems.append((ERROR, 'the stamps stand still: has /clock stopped?'))
         elif new.damaged or new.lost:
             problems.append((WARN, f'{new.damaged} damaged packets, {new.lost} lost frames'))
         elif abnormal > _MANY_ABNORMAL:
