@@ -121,6 +121,76 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
     rl_residual_restore(&detector->residual, channel);
 }
 
+/* Refine a packet in its zone, with another one beside it; return their log likelihood. */
+static double refine_beside(struct rl_detector *detector, struct rl_verdict *one,
+                            const struct rl_verdict *other, double to_s)
+{
+    struct rl_window *window = &detector->window;
+    struct rl_transmission *transmission = &one->transmission;
+    const double middle_s = (one->begin_s + one->end_s) / 2;
+    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, one->channel),
+                         one->begin_s, to_s, one->id, &window->interference);
+    rl_window_open(window, one->channel, one->is_dimmer, one->begin_s, one->end_s);
+    rl_window_add(window, &other->transmission);
+    return rl_window_refine(window, transmission,
+                            (middle_s - transmission->start_s) / transmission->bit_s);
+}
+
+/* Log likelihood of two packets with steady gains; each is refined. */
+static double refine_pair(struct rl_detector *detector, struct rl_verdict one,
+                          struct rl_verdict other, double to_s)
+{
+    double likelihood = -INFINITY;
+    for (int round = 0; round < 2; round++) {
+        refine_beside(detector, &other, &one, to_s);
+        likelihood = refine_beside(detector, &one, &other, to_s);
+    }
+    return likelihood;
+}
+
+static bool is_packet(const struct rl_codebook *codebook, uint32_t bits)
+{
+    int word = 0;
+    while (word < codebook->words && codebook->packet[word] != bits) {
+        word++;
+    }
+    return word < codebook->words;
+}
+
+/* By how much two packets that begin together are likelier than two others whose bits have the same
+ * sum. Only different gains tell these apart.
+ */
+static double margin_of_pair(struct rl_detector *detector, const struct rl_verdict *one,
+                             const struct rl_verdict *other, double to_s)
+{
+    const struct rl_codebook *codebook = &detector->search.codebook;
+    const struct rl_packet_train trains[2] = {train_of(one), train_of(other)};
+    const uint32_t bits = one->transmission.bits, differ = bits ^ other->transmission.bits;
+    double margin = RL_MAX_MARGIN;
+    if (!rl_keeps_time(&trains[0], &trains[1])) {
+        return margin;
+    }
+    const double own = refine_pair(detector, *one, *other, to_s);
+    struct rl_verdict first = *one, second = *other;
+    struct rl_transmission *const sent[2] = {&first.transmission, &second.transmission};
+    /* Others are refined from a common clock. */
+    const double bit_s = (sent[0]->bit_s + sent[1]->bit_s) / 2;
+    const double later_s = remainder(sent[1]->start_s - sent[0]->start_s, RL_PACKET_BITS * bit_s);
+    sent[0]->start_s += later_s / 2;
+    sent[1]->start_s -= later_s / 2;
+    sent[0]->bit_s = sent[1]->bit_s = bit_s;
+    for (int word = 0; word < codebook->words; word++) {
+        const uint32_t flipped = codebook->packet[word] ^ bits;
+        if (flipped != 0 && flipped != differ && (flipped & ~differ) == 0 &&
+            is_packet(codebook, other->transmission.bits ^ flipped)) {
+            sent[0]->bits = bits ^ flipped;
+            sent[1]->bits = other->transmission.bits ^ flipped;
+            margin = fmin(margin, own - refine_pair(detector, first, second, to_s));
+        }
+    }
+    return margin;
+}
+
 /* Look for another packet in the zone of one, as they hide each other: the other is the best one
  * without the first, then the first is sought again without the other, and each is judged with the
  * other one beside it. Return whether both are read.
@@ -153,8 +223,11 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
             continue;
         }
         *other = decide(detector, channel, packets, hit, hits, &again, to_s);
-        if (other->reason == RL_READ) {
+        const double margin = margin_of_pair(detector, &again, other, to_s);
+        if (other->reason == RL_READ && margin >= detector->settings.thresholds.margin) {
             *one = again;
+            one->margin = fmin(one->margin, margin);
+            other->margin = fmin(other->margin, margin);
             return true;
         }
     }

@@ -200,6 +200,14 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
     return fit(window, window->light);
 }
 
+void rl_window_add(struct rl_window *window, const struct rl_transmission *transmission)
+{
+    lay_light(window, transmission);
+    if (window->whitened.interferers < RL_MAX_INTERFERERS) {
+        rl_add_interferer(&window->whitened, window->light, false);
+    }
+}
+
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission)
 {
     const double steady = rl_window_try(window, transmission);

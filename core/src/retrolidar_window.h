@@ -89,6 +89,9 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
 double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
                         double half_bits);
 
+/* Fit the gain of a packet along with that of any other. */
+void rl_window_add(struct rl_window *window, const struct rl_transmission *transmission);
+
 /* Fit a changing gain to a packet. If it explains more than it costs, all that is tried in this
  * window has it from now on, as rivals may move, too. Return the cost [nats].
  */

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What single terms of the decision do, of which no other test would miss the loss."""
 
+from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -204,6 +205,18 @@ def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_b
     assert times_found(2073, mean + own, 8) >= 6
 
 
+@pytest.mark.parametrize(('ratio', 'least'), [(1.0, 0), (1.3, 20)])
+def test_two_that_begin_together_are_not_two_of_the_same_sum(ratio: float, least: int) -> None:
+    """Where they are equally bright, nothing tells which two of the same sum it is."""
+    pair, alike = (1289, 2302), (1528, 2063)
+    assert (sum(map(packet, pair)) == sum(map(packet, alike))).all()
+    first, second = (shown(one, repeats=True) for one in pair)
+    mean = 10.0 + np.outer(150.0 * (first + ratio * second), np.arange(GRID.zones) == 5)
+    found = Counter(number for seed in range(12) for number in read_in(mean, seed))
+    assert found.keys() <= {*pair}
+    assert found.total() >= least
+
+
 def beside(number: int) -> Floats:
     """Return the light of a marker that repeats."""
     known = Sending(packet(number).astype(np.float64), True, 0.3, BIT_PERIOD_S)
@@ -212,11 +225,12 @@ def beside(number: int) -> Floats:
 
 def times_found(number: int, mean: Floats, times: int) -> int:
     """Return in how many of some recordings an ID is read."""
-    found = 0
-    for seed in range(times):
-        rng = np.random.default_rng(seed)
-        signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-        frames = recording_of(np.rint(1e9 * MIDDLE_S).astype(np.int64), np.maximum(signal, 0))
-        read = create_detector('joint', GRID).update_all(frames)
-        found += any(one.id == number for one in read)
-    return found
+    return sum(number in read_in(mean, seed) for seed in range(times))
+
+
+def read_in(mean: Floats, seed: int) -> set[int]:
+    """Return what is read in a recording of such signals."""
+    rng = np.random.default_rng(seed)
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    frames = recording_of(np.rint(1e9 * MIDDLE_S).astype(np.int64), np.maximum(signal, 0))
+    return {one.id for one in create_detector('joint', GRID).update_all(frames)}
