@@ -18,6 +18,7 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
         interference->count--;
     }
     interference->train[interference->count++] = train_of(beside);
+    rl_interference_assign(interference);
 }
 
 /* Judge a hit, beside another packet if `beside` is not NULL. */

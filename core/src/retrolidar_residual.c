@@ -104,7 +104,7 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     samples->interference_removed[zone] = true;
     for (int i = 0; i < interference->count; i++) {
-        if (rl_interference_marker(interference, i) == i) {
+        if (interference->marker[i] == i) {
             subtract(residual, interference, i, signal, column.valid, rows);
         }
     }

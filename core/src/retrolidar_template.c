@@ -135,24 +135,37 @@ bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_
     return fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS;
 }
 
-static bool is_of_one_marker(const struct rl_packet_train *one, const struct rl_packet_train *other)
+static bool overlaps(const struct rl_packet_train *one, const struct rl_packet_train *other)
 {
     const double overlap_s = fmin(one->end_s, other->end_s) - fmax(one->begin_s, other->begin_s);
-    return overlap_s < SAME_PHASE_BITS * one->transmission.bit_s && rl_keeps_time(one, other);
+    return overlap_s >= SAME_PHASE_BITS * one->transmission.bit_s;
 }
 
-int rl_interference_marker(const struct rl_interference *interference, int index)
+/* Whether two markers of the same phase were read during a train. */
+static bool is_ambiguous(const struct rl_interference *interference, int index)
 {
     const struct rl_packet_train *train = interference->train;
-    int first[RL_MAX_TRAINS];
-    for (int i = 0; i <= index; i++) {
-        first[i] = 0;
-        while (first[i] < i && (first[first[i]] != first[i] ||
-                                !is_of_one_marker(&train[first[i]], &train[i]))) {
-            first[i]++;
+    for (int i = 0; i < interference->count; i++) {
+        if (i != index && rl_keeps_time(&train[i], &train[index]) &&
+            overlaps(&train[i], &train[index])) {
+            return true;
         }
     }
-    return first[index];
+    return false;
+}
+
+void rl_interference_assign(struct rl_interference *interference)
+{
+    const struct rl_packet_train *train = interference->train;
+    bool ambiguous[RL_MAX_TRAINS];
+    for (int i = 0; i < interference->count; i++) {
+        ambiguous[i] = is_ambiguous(interference, i);
+        int first = ambiguous[i] ? i : 0;
+        while (first < i && (ambiguous[first] || !rl_keeps_time(&train[first], &train[i]))) {
+            first++;
+        }
+        interference->marker[i] = first;
+    }
 }
 
 void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
@@ -161,13 +174,13 @@ void rl_interference_light(const struct rl_interference *interference, int marke
 {
     int last = marker;
     for (int i = marker + 1; i < interference->count; i++) {
-        if (rl_interference_marker(interference, i) == marker &&
+        if (interference->marker[i] == marker &&
             interference->train[i].end_s > interference->train[last].end_s) {
             last = i;
         }
     }
     for (int i = marker; i < interference->count; i++) {
-        if (rl_interference_marker(interference, i) != marker) {
+        if (interference->marker[i] != marker) {
             continue;
         }
         rl_train_light(&interference->train[i], continues && i == last, begin_s, end_s, rows,

@@ -42,15 +42,16 @@ enum { RL_MAX_TRAINS = 24 }; /* of a zone and those beside it, within a few pack
 struct rl_interference {
     int count;
     struct rl_packet_train train[RL_MAX_TRAINS];
+    int marker[RL_MAX_TRAINS]; /* of each train: the first train of the same marker */
 };
 
 /* Whether the packets of two trains begin at the same phase. */
 bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now);
 
-/* Return the first train of the marker that sent a train. Trains of the same phase that do not
- * overlap are taken to be of one marker, whatever their IDs.
+/* Find the marker of each train. Trains of the same phase are taken to be of one marker, whatever
+ * their IDs. If some overlap, that is of several markers, each of those is taken by itself.
  */
-int rl_interference_marker(const struct rl_interference *interference, int index);
+void rl_interference_assign(struct rl_interference *interference);
 
 /* Mean light, 0 to 1, of all trains of a marker during exposures; bright elsewhere.
  *

@@ -48,27 +48,57 @@ static void find_profile(struct rl_window *window)
     }
 }
 
-/* Make a marker an interferer if it is seen. Its gain may change, as it may move. */
-static void add_interferer(struct rl_window *window, int marker)
+/* Make a marker an interferer if it explains enough; return whether its trains continue. */
+static bool add_steady(struct rl_window *window, int marker)
 {
     struct rl_whitened *whitened = &window->whitened;
     light_of(window, marker, true);
     const double on = rl_fit_gain(whitened, window->light).log_likelihood;
     light_of(window, marker, false);
-    double steady = rl_fit_gain(whitened, window->light).log_likelihood;
-    if (on > steady) {
+    const double ended = rl_fit_gain(whitened, window->light).log_likelihood;
+    if (on > ended) {
         light_of(window, marker, true);
-        steady = on;
     }
+    if (fmax(on, ended) > whitened->null + RL_COST_OF_GAIN) {
+        rl_add_interferer(whitened, window->light, false);
+    }
+    return on > ended;
+}
+
+/* The same with a gain that changes, as it may move. */
+static void add_changing(struct rl_window *window, int marker, bool continues)
+{
+    struct rl_whitened *whitened = &window->whitened;
+    light_of(window, marker, continues);
     find_profile(window);
     for (int row = 0; row < window->rows; row++) {
         window->part[row] = window->light[row] * window->profile[row];
     }
-    const double changing =
-        rl_fit_gain(whitened, window->part).log_likelihood - rl_price_of_profile();
-    if (fmax(steady, changing) > whitened->null + RL_COST_OF_GAIN &&
-        whitened->interferers < RL_MAX_INTERFERERS) {
-        rl_add_interferer(whitened, changing > steady ? window->part : window->light, false);
+    if (rl_fit_gain(whitened, window->part).log_likelihood >
+        whitened->null + rl_price_of_profile()) {
+        rl_add_interferer(whitened, window->part, false);
+    }
+}
+
+/* Make all markers that are seen interferers. Gains change only if all steady ones together do not
+ * explain the samples, as the gain of one may imitate another one.
+ */
+static void add_interference(struct rl_window *window)
+{
+    const struct rl_interference *interference = &window->interference;
+    bool continues[RL_MAX_TRAINS];
+    for (int changes = 0; changes < 2; changes++) {
+        for (int i = 0; i < interference->count; i++) {
+            if (interference->marker[i] != i ||
+                window->whitened.interferers == RL_MAX_INTERFERERS) {
+                continue;
+            }
+            if (changes) {
+                add_changing(window, i, continues[i]);
+            } else {
+                continues[i] = add_steady(window, i);
+            }
+        }
     }
 }
 
@@ -105,11 +135,7 @@ static void whiten(struct rl_window *window)
     if (window->reference != RL_NO_REFERENCE && window->rows > 0) {
         add_reference(window);
     }
-    for (int i = 0; i < window->interference.count; i++) {
-        if (rl_interference_marker(&window->interference, i) == i) {
-            add_interferer(window, i);
-        }
-    }
+    add_interference(window);
 }
 
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,

@@ -43,12 +43,12 @@ _SLOW_BIT_S, _SLOW_PERIOD_S = 0.133, 1 / 15  # of 8x8 zones
 _SLOW = 0.12  # share of the rooms
 _FULL, _FULL_SEQUENCE = 0.08, 0.5  # rooms with all zones full; of these with other IDs in all
 _FOREIGN = 0.2  # rooms in which a marker is foreign
-_WOKEN = 0.15  # rooms in which all markers begin to send at once
+_WOKEN = 0.15  # rooms in which all markers have quartz clocks, and begin to send at once
 _BEGINS = 0.3  # markers that send after a silence; others have always been sending
 _COMES_AND_GOES = 0.3  # markers that appear or vanish, in mid-packet
 _RANGE_M = (0.4, 3.8)
 _ZONES_A_PACKET = (0.3, 3.6)  # how fast markers cross: 0.05 to 0.6 m/s at 1 m, in 4x4 zones
-_CLOCK_ERROR = (1e-5, 0.012)  # of the worst clock in a room: of quartz, or of an RC oscillator
+_CLOCK_ERROR, _QUARTZ = 0.012, (1e-3, 0.1)  # quartz has such a share of the error
 
 
 @dataclass(frozen=True)
@@ -129,9 +129,11 @@ def draw_room(rng: np.random.Generator) -> Room:
     crossing = 0.0 if full else rng.choice([0.0, 0.5, 1.0])
     same_sending = SENDINGS[3] if full and rng.random() < _FULL_SEQUENCE else None
     foreign = int(rng.integers(len(places))) if rng.random() < _FOREIGN else -1
-    # What wakes one marker may wake all.
-    clock_error = log_uniform(_CLOCK_ERROR, rng)
-    woken_s = bit_s * SILENCE_BITS * (1 + rng.random()) if rng.random() < _WOKEN else None
+    woken = rng.spawn(1)[0]  # so that other rooms stay those of their seeds
+    clock, begin_s = 1.0, None
+    if woken.random() < _WOKEN:
+        clock = log_uniform(_QUARTZ, woken)
+        begin_s = bit_s * SILENCE_BITS * woken.uniform(1, 2)
     markers = []
     for index, place_m in enumerate(places):
         sending = same_sending or str(rng.choice(SENDINGS))
@@ -139,8 +141,8 @@ def draw_room(rng: np.random.Generator) -> Room:
             sending = str(rng.choice(FOREIGN))
         motion = 'crossing' if rng.random() < crossing else str(rng.choice(MOTIONS[:2]))
         course = _course(motion, place_m, grid, bit_s, rng)
-        own_bit_s = bit_s * (1 + rng.uniform(-clock_error, clock_error))
-        markers.append(_marker(sending, course, own_bit_s, duration_s, woken_s, rng))
+        marker = _marker(sending, course, bit_s, duration_s, rng, clock=clock, woken_s=begin_s)
+        markers.append(marker)
     sensor = Sensor(
         grid=grid,
         period_s=_SLOW_PERIOD_S if slow else 0.021,
@@ -216,10 +218,13 @@ def _marker(
     course: Course,
     bit_s: float,
     duration_s: float,
-    woken_s: float | None,
     rng: np.random.Generator,
+    *,
+    clock: float,
+    woken_s: float | None,
 ) -> RoomMarker:
-    """Draw what a marker sends, from when it is woken on, or from any time on."""
+    """Draw what a marker sends; clock: its error, as a share of that of an RC oscillator."""
+    bit_s *= 1 + clock * rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR)
     present = [-math.inf, math.inf]
     if rng.random() < _COMES_AND_GOES:
         present[int(rng.integers(2))] = duration_s * rng.uniform(0.2, 0.8)
