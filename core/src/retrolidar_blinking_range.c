@@ -69,10 +69,16 @@ double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role)
     return product(seen->alone, seen->alone, rows);
 }
 
-/* The share of the signal that is light of others that are seen; gain: of the marker itself. */
-static double share_of_others(const struct rl_seen *seen, const uint8_t *role, double gain)
+/* How bright the others are in a zone. */
+struct brightness {
+    double gain[RL_MAX_OTHERS], min_gain[RL_MAX_OTHERS]; /* a greater gain is not noise */
+    double signal;                                       /* mean, of all light */
+};
+
+/* Fit the light of the others to the signal; gain: of the marker itself. */
+static struct brightness brightness_of(const struct rl_seen *seen, const uint8_t *role, double gain)
 {
-    double count = 0.0, total = 0.0, sum = 0.0, squares = 0.0, share = 0.0;
+    double count = 1e-9, total = 0.0, sum = 0.0, squares = 0.0;
     double cross[RL_MAX_OTHERS] = {0.0}, energy[RL_MAX_OTHERS];
     for (int row = 0; row < seen->rows; row++) {
         const double left = role[row] ? (double)seen->signal[row] - gain * seen->light[row] : 0.0;
@@ -91,11 +97,35 @@ static double share_of_others(const struct rl_seen *seen, const uint8_t *role, d
         squares -= cross[i] * cross[i] / energy[i];
     }
     const double noise = fmax(squares, 0.0) / fmax(count - 2.0, 1.0);
+    struct brightness found = {.signal = total / count};
+    for (int i = 0; i < seen->others; i++) {
+        found.gain[i] = cross[i] / energy[i];
+        found.min_gain[i] = RL_MIN_SEEN * sqrt(noise / energy[i]);
+    }
+    return found;
+}
+
+/* The share of the signal that is light of others that are seen; gain: of the marker itself. */
+static double share_of_others(const struct rl_seen *seen, const uint8_t *role, double gain)
+{
+    const struct brightness found = brightness_of(seen, role, gain);
+    double share = 0.0;
     for (int i = 0; i < seen->others; i++) {
         /* About half of its bits are bright. */
-        share += cross[i] > RL_MIN_SEEN * sqrt(noise * energy[i]) ? cross[i] / energy[i] / 2 : 0.0;
+        share += found.gain[i] > found.min_gain[i] ? found.gain[i] / 2 : 0.0;
     }
-    return share * count / fmax(total, 1e-9);
+    return share / fmax(found.signal, 1e-9);
+}
+
+bool rl_last_other_is_seen(const struct rl_seen *seen)
+{
+    const double energy = fmax(rl_orthogonalise(seen, seen->valid), NO_BLINKING);
+    double gain = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        gain += seen->alone[row] * (double)seen->signal[row] / energy;
+    }
+    const struct brightness found = brightness_of(seen, seen->valid, gain);
+    return found.gain[seen->others - 1] > found.min_gain[seen->others - 1];
 }
 
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,

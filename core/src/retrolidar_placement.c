@@ -50,7 +50,9 @@ static void look_at(struct rl_detector *detector, const struct rl_verdict *verdi
     seen->distance = detector->samples.distance + rl_sample(&detector->samples, zone, first);
 }
 
-/* Find the light of other markers that were read in a zone at the time. */
+/* Find the light of other markers that were read in a zone or beside it at the time, if it is seen
+ * in the zone.
+ */
 static void lay_others(const struct rl_detector *detector, const struct rl_verdict *verdict,
                        int zone, struct rl_seen *seen)
 {
@@ -58,10 +60,13 @@ static void lay_others(const struct rl_detector *detector, const struct rl_verdi
     seen->others = 0;
     for (int i = pool->count - 1; i >= 0 && seen->others < RL_MAX_OTHERS; i--) {
         const struct rl_active_track *track = &pool->track[i];
-        if (track->id != verdict->id && (track->zones >> zone & 1u) != 0 &&
+        if (track->id != verdict->id && (track->near >> zone & 1u) != 0 &&
             track->train.end_s > verdict->begin_s && track->train.begin_s < verdict->end_s) {
             rl_train_light(&track->train, track->train.transmission.repeats, seen->begin_s,
                            seen->end_s, seen->rows, seen->other + seen->others++ * seen->rows);
+            if (!rl_last_other_is_seen(seen)) {
+                seen->others--;
+            }
         }
     }
 }

@@ -47,6 +47,9 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
  */
 double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
 
+/* Whether the last of the others blinks in the valid samples. */
+bool rl_last_other_is_seen(const struct rl_seen *seen);
+
 /* Find the distance of the light that blinks in the samples that have a role, from a first guess;
  * false if none blinks. Then `alone` is the residual over the gain [m].
  *

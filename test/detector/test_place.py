@@ -344,6 +344,40 @@ def test_a_reflection_in_a_far_zone_is_no_part_of_a_place() -> None:
     assert far.place.range_m == pytest.approx(alone.place.range_m, abs=0.01)
 
 
+def test_a_stronger_marker_beside_does_not_shift_the_range() -> None:
+    """It is read in zone 5 only, but some of its light falls into zone 6, where this one is."""
+    middle_s = np.arange(PERIOD_S / 2, 4 * PACKET_BITS * BIT_PERIOD_S, PERIOD_S)
+    scores = []
+    for seed in range(5):
+        strong, weak = (
+            light(
+                Sending(packet(number).astype(np.float64), True, start_s, bit_s),
+                middle_s - PERIOD_S / 2,
+                middle_s + PERIOD_S / 2,
+            )
+            for number, start_s, bit_s in ((2073, 0.3, BIT_PERIOD_S), (628, 0.5, 0.0421))
+        )
+        mean = np.full((len(middle_s), GRIDS[0].zones), 5.0)
+        mean[:, 5] += 1000 * strong
+        mean[:, 6] += 50 * strong + 100 * weak
+        distance = np.full(mean.shape, 1.8)
+        distance[:, 5] = (5 * 1.8 + 1000 * strong * 1.3) / mean[:, 5]
+        distance[:, 6] = (5 * 1.8 + 50 * strong * 1.3 + 100 * weak * 1.7) / mean[:, 6]
+        rng = np.random.default_rng(seed)
+        signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+        distance += 0.49 / mean * rng.standard_normal(mean.shape)
+        stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
+        recording = recording_of(stamp_ns, np.maximum(signal, 0), distance)
+        for one in create_detector('joint', GRIDS[0]).update_all(recording):
+            assert one.zones == ((5,) if one.id == 2073 else (6,))
+            if one.id == 628:
+                assert one.place.range_stddev_m < 0.01
+                off_m = one.place.range_m - 1.7 / GRIDS[0].z_per_range[6]
+                scores.append(off_m / one.place.range_stddev_m)
+    assert len(scores) >= 15
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
 def test_the_bearing_of_a_marker_that_crosses_is_that_unsure() -> None:
     scores = []
     for seed in range(20):
