@@ -48,55 +48,41 @@ static void find_profile(struct rl_window *window)
     }
 }
 
-/* Make a marker an interferer if it explains enough; return whether its trains continue. */
-static bool add_steady(struct rl_window *window, int marker)
-{
-    struct rl_whitened *whitened = &window->whitened;
-    light_of(window, marker, true);
-    const double on = rl_fit_gain(whitened, window->light).log_likelihood;
-    light_of(window, marker, false);
-    const double ended = rl_fit_gain(whitened, window->light).log_likelihood;
-    if (on > ended) {
-        light_of(window, marker, true);
-    }
-    if (fmax(on, ended) > whitened->null + RL_COST_OF_GAIN) {
-        rl_add_interferer(whitened, window->light, false);
-    }
-    return on > ended;
-}
-
-/* The same with a gain that changes, as it may move. */
-static void add_changing(struct rl_window *window, int marker, bool continues)
-{
-    struct rl_whitened *whitened = &window->whitened;
-    light_of(window, marker, continues);
-    find_profile(window);
-    for (int row = 0; row < window->rows; row++) {
-        window->part[row] = window->light[row] * window->profile[row];
-    }
-    if (rl_fit_gain(whitened, window->part).log_likelihood >
-        whitened->null + rl_price_of_profile()) {
-        rl_add_interferer(whitened, window->part, false);
-    }
-}
-
-/* Make all markers that are seen interferers. Gains change only if all steady ones together do not
- * explain the samples, as the gain of one may imitate another one.
+/* Light of an interferer: what was read of it, what it sends if it continues, and either with a gain
+ * that changes. One form of all markers is tried after the other, as a marker that is still left out
+ * may look like another form of one.
  */
+enum { AS_READ, CONTINUES, CHANGES, FORMS };
+
+/* Lay one form of an interferer into `part`. */
+static void lay_interferer(struct rl_window *window, int marker, int form, bool continues)
+{
+    light_of(window, marker, form == CONTINUES || continues);
+    memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
+    if (form == CHANGES) {
+        find_profile(window);
+        for (int row = 0; row < window->rows; row++) {
+            window->part[row] *= window->profile[row];
+        }
+    }
+}
+
+/* Make all markers that are seen interferers. */
 static void add_interference(struct rl_window *window)
 {
     const struct rl_interference *interference = &window->interference;
-    bool continues[RL_MAX_TRAINS];
-    for (int changes = 0; changes < 2; changes++) {
+    struct rl_whitened *whitened = &window->whitened;
+    bool continues[RL_MAX_TRAINS] = {false};
+    for (int form = 0; form < FORMS; form++) {
+        const double price = form == CHANGES ? rl_price_of_profile() : RL_COST_OF_GAIN;
         for (int i = 0; i < interference->count; i++) {
-            if (interference->marker[i] != i ||
-                window->whitened.interferers == RL_MAX_INTERFERERS) {
+            if (interference->marker[i] != i || whitened->interferers == RL_MAX_INTERFERERS) {
                 continue;
             }
-            if (changes) {
-                add_changing(window, i, continues[i]);
-            } else {
-                continues[i] = add_steady(window, i);
+            lay_interferer(window, i, form, continues[i]);
+            if (rl_fit_gain(whitened, window->part).log_likelihood > whitened->null + price) {
+                rl_add_interferer(whitened, window->part, false);
+                continues[i] = continues[i] || form == CONTINUES;
             }
         }
     }

@@ -43,13 +43,15 @@ def _call(file: str, call: str) -> Part:
 
 
 PARTS = {
-    'earlier packets fitted along': Part('window', 'i < window->interference.count;', 'i < 0;'),
-    'earlier packets: gains that change': Part(
-        'window', 'changing > steady ? window->part', 'false ? window->part'
+    'earlier packets fitted along': Part('window', 'i < interference->count;', 'i < 0;'),
+    'earlier packets: as they continue': Part(
+        'window', 'marker, form == CONTINUES || continues);', 'marker, false && continues);'
     ),
+    'earlier packets: gains that change': Part('window', 'form < FORMS;', 'form < CHANGES;'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
-    'earlier packets: those of a marker as one': Part(
-        'template', 'return overlap_s < SAME', 'return false && overlap_s < SAME'
+    'earlier packets: those of a marker as one': Part('template', 'ambiguous[i] ? i : 0;', 'i;'),
+    'earlier packets: overlapping ones apart': Part(
+        'template', '= is_ambiguous(interference, i);', '= false;'
     ),
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
@@ -80,6 +82,9 @@ PARTS = {
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
+    ),
+    'pairs of packets: others of the same sum': Part(
+        'judge', 'margin = margin_of_pair(', 'margin = RL_MAX_MARGIN + 0.0 * margin_of_pair('
     ),
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
@@ -198,6 +203,9 @@ PARTS = {
     'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
     'range: other markers fitted along': Part(
         'placement', 'seen->others < RL_MAX_OTHERS;', 'seen->others < 0;'
+    ),
+    'range: other markers beside, too': Part(
+        'placement', 'track->near >> zone & 1u', 'track->zones >> zone & 1u'
     ),
     'range: background subtracted': Part(
         'ranging', 'blinks = dark > 0 &&', 'blinks = false && dark > 0 &&'

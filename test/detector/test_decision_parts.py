@@ -12,7 +12,7 @@ from harness_frames import recording_of
 from oracle import Sending, light
 
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, PREAMBLE, packet
 from retrolidar_ros.sensor.frame import Floats
 
 START_S = 1.0
@@ -217,6 +217,27 @@ def test_two_that_begin_together_are_not_two_of_the_same_sum(ratio: float, least
     assert found.total() >= least
 
 
+def test_the_light_of_two_known_markers_is_no_third_packet() -> None:
+    """Both are dark where 71 is dark, and nowhere both bright but in the preamble."""
+    first, numbers = 2895, (3802, 1822, 1191, 1271, 1636)
+    both, third = packet(first) + packet(numbers[3]), packet(71)
+    assert np.array_equal(both[len(PREAMBLE) :] == 2, third[len(PREAMBLE) :] == 1)
+    middle_s = PERIOD_S * (np.arange(round((START_S + 5.2 * PACKET_S) / PERIOD_S)) + 0.5)
+    times = middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2
+
+    def sent(number: int, start_s: float, *, repeats: bool = False) -> Floats:
+        bits = packet(number).astype(np.float64)
+        return light(Sending(bits, repeats, start_s, BIT_PERIOD_S), *times)
+
+    starts_s = START_S + PACKET_S * np.arange(len(numbers))
+    other = 1 - sum(1 - sent(*one) for one in zip(numbers, starts_s, strict=True))
+    zone = np.eye(GRID.zones)
+    mean = 10.0 + 130.0 * np.outer(sent(first, START_S, repeats=True), zone[5])
+    mean += 115.0 * np.outer(other, zone[5] + 0.5 * zone[6])
+    for seed in range(6):
+        assert read_in(mean, seed) == {first, *numbers}
+
+
 def beside(number: int) -> Floats:
     """Return the light of a marker that repeats."""
     known = Sending(packet(number).astype(np.float64), True, 0.3, BIT_PERIOD_S)
@@ -232,5 +253,6 @@ def read_in(mean: Floats, seed: int) -> set[int]:
     """Return what is read in a recording of such signals."""
     rng = np.random.default_rng(seed)
     signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    frames = recording_of(np.rint(1e9 * MIDDLE_S).astype(np.int64), np.maximum(signal, 0))
+    stamp_ns = np.rint(1e9 * PERIOD_S * (np.arange(len(mean)) + 0.5)).astype(np.int64)
+    frames = recording_of(stamp_ns, np.maximum(signal, 0))
     return {one.id for one in create_detector('joint', GRID).update_all(frames)}
