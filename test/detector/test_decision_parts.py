@@ -6,15 +6,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics, constant
+from harness_core import (
+    GRID,
+    LAW,
+    ONE_ZONE,
+    PERIOD_S,
+    Statistics,
+    constant,
+    light_at,
+    noisy,
+    sent,
+)
 from harness_frames import recording_of
-from oracle import Sending, light
 
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.sensor.frame import Floats
 
 START_S = 1.0
+HIT_S = START_S - PERIOD_S / 2
+"""The same for the core, whose times count from the middle of the first exposure."""
 
 
 class Marker(NamedTuple):
@@ -31,33 +42,25 @@ class Marker(NamedTuple):
 
 def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
     """Return how much evidence a packet needs beyond what is demanded [nats]."""
-    sending = Sending(
-        packet(marker.id).astype(np.float64), marker.packets > 1, START_S, BIT_PERIOD_S
-    )
+    sending = sent(marker.id, START_S, repeats=marker.packets > 1)
     middle_s = np.arange(PERIOD_S / 2, START_S + (marker.packets + 0.2) * PACKET_S, PERIOD_S)
-    sent = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
     rng = np.random.default_rng(60)
-    wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(sent)))
-    own_zone = np.arange(GRID.zones) == 0
-    mean = wall[:, None] + marker.gain * sent[:, None] * own_zone
+    wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(middle_s)))
+    seen = light_at(middle_s, sending)
     if marker.beside is not None:
-        other = Sending(packet(marker.beside).astype(np.float64), True, 0.3, BIT_PERIOD_S)
-        seen = light(other, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-        mean += 10 * marker.gain * seen[:, None] * own_zone
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
-    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
-    # Times of the core count from the middle of the first exposure.
+        other = sent(marker.beside, 0.3, repeats=True)
+        seen += 10 * light_at(middle_s, other)
+    mean = wall[:, None] + marker.gain * np.outer(seen, ONE_ZONE)
+    core.take(noisy(middle_s, mean, rng), LAW, BIT_PERIOD_S)
     if marker.beside is not None:
         known = core.window.interference
         known.count = 1
         known.train[0].transmission = core.given(other._replace(start_s=0.3 - PERIOD_S / 2))[0]
         known.train[0].begin_s, known.train[0].end_s = 0.0, middle_s[-1]
-    sending = sending._replace(start_s=START_S - PERIOD_S / 2)
-    to_s = sending.start_s + marker.packets * PACKET_S + 0.02
+    hits = [(marker.id, sending._replace(start_s=HIT_S))]
+    to_s = HIT_S + marker.packets * PACKET_S + 0.02
 
     def judged(demanded: float) -> tuple[int, float]:
-        hits = [(marker.id, sending)]
         verdict = core.decide(0, marker.packets, to_s, hits, demanded, wandering)
         return verdict.reason, verdict.evidence
 
@@ -106,50 +109,39 @@ def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: 
 @pytest.mark.parametrize('rate', [0.95, 1.05])
 def test_a_clock_is_never_refined_beyond_those_looked_for(core: Statistics, rate: float) -> None:
     core.start_codebook()
-    sending = Sending(packet(2073).astype(np.float64), False, START_S, rate * BIT_PERIOD_S)
-    middle_s = np.arange(PERIOD_S / 2, START_S + 1.3 * PACKET_S, PERIOD_S)
-    seen = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-    mean = 10.0 + 150.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
-    core.take(recording_of(np.rint(1e9 * middle_s).astype(np.int64), mean), LAW, BIT_PERIOD_S)
+    sending = sent(2073, START_S, bit_s=rate * BIT_PERIOD_S)
+    mean = 10.0 + 150.0 * np.outer(light_at(MIDDLE_S, sending), ONE_ZONE)
+    core.take(recording_of(MIDDLE_S, mean), LAW, BIT_PERIOD_S)
     window = core.window
     near_s = 0.999 * window.max_bit_s if rate > 1 else 1.001 * window.min_bit_s
-    hit = sending._replace(start_s=START_S - PERIOD_S / 2, bit_s=near_s)
-    verdict = core.decide(0, 1, hit.start_s + PACKET_BITS * hit.bit_s + 0.02, [(2073, hit)])
+    hit = sending._replace(start_s=HIT_S, bit_s=near_s)
+    verdict = core.decide(0, 1, HIT_S + PACKET_BITS * near_s + 0.02, [(2073, hit)])
     bit_s = verdict.transmission.bit_s
     assert window.min_bit_s / 1.0001 < bit_s < 1.0001 * window.max_bit_s
 
 
 WORD_NATS = 8.0
 """By how much bits of no word may be likelier, as shipped."""
+MIDDLE_S = np.arange(PERIOD_S / 2, START_S + 2.2 * PACKET_S, PERIOD_S)
 
 
 def judged(core: Statistics, seen: Floats, number: int, *, packets: int = 1) -> Any:
-    """Return the verdict on a packet that begins at `START_S`, of light as `taken` has it."""
-    mean = 10.0 + 300.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
-    rng = np.random.default_rng(61)
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * MIDDLE_S).astype(np.int64)
-    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
+    """Return the verdict on a packet that begins at `START_S`, of light at `MIDDLE_S`."""
+    mean = 10.0 + 300.0 * np.outer(seen, ONE_ZONE)
+    core.take(noisy(MIDDLE_S, mean, np.random.default_rng(61)), LAW, BIT_PERIOD_S)
     core.start_codebook()
-    start_s = START_S - PERIOD_S / 2
-    bits = packet(number).astype(np.float64)
-    hit = Sending(bits, packets > 1, start_s, BIT_PERIOD_S)
-    to_s = start_s + packets * PACKET_S + 0.02
-    return core.decide(0, packets, to_s, [(number, hit)])
-
-
-MIDDLE_S = np.arange(PERIOD_S / 2, START_S + 2.2 * PACKET_S, PERIOD_S)
+    hit = sent(number, HIT_S, repeats=packets > 1)
+    return core.decide(0, packets, HIT_S + packets * PACKET_S + 0.02, [(number, hit)])
 
 
 def shown(
     number: int, first_bit: int = 0, *, flipped: int | None = None, repeats: bool = False
 ) -> Floats:
     """Return the light of a packet that begins some bits after `START_S`, a bit of it turned."""
-    bits = packet(number).astype(np.float64)
+    sending = sent(number, START_S + first_bit * BIT_PERIOD_S, repeats=repeats)
     if flipped is not None:
-        bits[flipped] = 1 - bits[flipped]
-    sending = Sending(bits, repeats, START_S + first_bit * BIT_PERIOD_S, BIT_PERIOD_S)
-    return light(sending, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+        sending.bits[flipped] = 1 - sending.bits[flipped]
+    return light_at(MIDDLE_S, sending)
 
 
 def fading() -> Floats:
@@ -179,44 +171,38 @@ def test_packets_that_are_combined_are_of_the_same_bits(core: Statistics) -> Non
     assert judged(core, changed, 2073, packets=2).word > 6 * WORD_NATS
 
 
-def test_a_faint_packet_of_four_zones_is_found_beside_a_bright_marker() -> None:
-    """In none of them alone is it found."""
-    seen = 100.0 * beside(1234) + 12.0 * shown(2073, PACKET_BITS - 3)
-    mean = 10.0 + np.outer(seen, np.isin(np.arange(GRID.zones), (5, 6, 9, 10)))
-    assert times_found(2073, mean, 8) >= 3
-
-
-def test_a_packet_that_a_marker_in_the_next_zone_hid_is_found_once_that_is_known() -> None:
-    hidden = shown(2073, -round(0.3 / BIT_PERIOD_S))
-    spread = np.eye(GRID.zones)
-    mean = 10.0 + np.outer(beside(1234), 600.0 * spread[5] + 240.0 * spread[6])
-    assert times_found(2073, mean + np.outer(34.0 * hidden, spread[6]), 10) >= 4
-
-
-def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_better() -> None:
-    rng = np.random.default_rng(3)
-    foreign = Sending(rng.integers(0, 2, PACKET_BITS).astype(float), True, 0.3, 1.37 * BIT_PERIOD_S)
-    sways = 1 + 0.5 * np.sin(2 * np.pi * MIDDLE_S / 2.1)
-    spread = np.eye(GRID.zones)
-    other = sways * light(foreign, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
-    mean = 10.0 + np.outer(other, 600.0 * spread[5] + 240.0 * spread[6])
-    own = np.outer(shown(2073), 60.0 * spread[6] + 6.0 * spread[5])
-    assert times_found(2073, mean + own, 8) >= 6
-
-
-def beside(number: int) -> Floats:
-    """Return the light of a marker that repeats."""
-    known = Sending(packet(number).astype(np.float64), True, 0.3, BIT_PERIOD_S)
-    return light(known, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+BESIDE = light_at(MIDDLE_S, sent(1234, 0.3, repeats=True))
+"""The light of another marker."""
+SPREAD = np.eye(GRID.zones)
 
 
 def times_found(number: int, mean: Floats, times: int) -> int:
     """Return in how many of some recordings an ID is read."""
     found = 0
     for seed in range(times):
-        rng = np.random.default_rng(seed)
-        signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-        frames = recording_of(np.rint(1e9 * MIDDLE_S).astype(np.int64), np.maximum(signal, 0))
-        read = create_detector('joint', GRID).update_all(frames)
-        found += any(one.id == number for one in read)
+        frames = noisy(MIDDLE_S, mean, np.random.default_rng(seed))
+        found += number in {one.id for one in create_detector('joint', GRID).update_all(frames)}
     return found
+
+
+def test_a_faint_packet_of_four_zones_is_found_beside_a_bright_marker() -> None:
+    """In none of them alone is it found."""
+    seen = 100.0 * BESIDE + 12.0 * shown(2073, PACKET_BITS - 3)
+    mean = 10.0 + np.outer(seen, np.isin(np.arange(GRID.zones), (5, 6, 9, 10)))
+    assert times_found(2073, mean, 8) >= 3
+
+
+def test_a_packet_that_a_marker_in_the_next_zone_hid_is_found_once_that_is_known() -> None:
+    hidden = shown(2073, -round(0.3 / BIT_PERIOD_S))
+    mean = 10.0 + np.outer(BESIDE, 600.0 * SPREAD[5] + 240.0 * SPREAD[6])
+    assert times_found(2073, mean + np.outer(34.0 * hidden, SPREAD[6]), 10) >= 4
+
+
+def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_better() -> None:
+    bits = np.random.default_rng(3).integers(0, 2, PACKET_BITS).astype(float)
+    foreign = sent(1234, 0.3, repeats=True, bit_s=1.37 * BIT_PERIOD_S)._replace(bits=bits)
+    sways = 1 + 0.5 * np.sin(2 * np.pi * MIDDLE_S / 2.1)
+    other = sways * light_at(MIDDLE_S, foreign)
+    mean = 10.0 + np.outer(other, 600.0 * SPREAD[5] + 240.0 * SPREAD[6])
+    own = np.outer(shown(2073), 60.0 * SPREAD[6] + 6.0 * SPREAD[5])
+    assert times_found(2073, mean + own, 8) >= 6
