@@ -3,7 +3,6 @@
 """What experiments are made of: recordings and random rooms, cameras and readers of markers."""
 
 import ctypes.util
-import math
 import sys
 from dataclasses import replace
 from typing import Any
@@ -11,13 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
-from evaluation.bench.judging import BOTH
 from evaluation.bench.recordings import SILENCE_BITS, record
 from evaluation.bench.room_markers import (
-    FOREIGN,
-    MOTIONS,
-    SENDINGS,
     Course,
     room_marker,
 )
@@ -25,7 +19,6 @@ from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
 from evaluation.bench.rooms import play
 from evaluation.bench.stresses import PLAIN
-from evaluation.experiments import time_to_id
 from evaluation.peers import camera
 from evaluation.peers.visual_markers import (
     APRILTAG,
@@ -43,7 +36,6 @@ from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.sensor.model import Status
 
 DURATION_S = 20.0
 PLACE_M = 1.0 * SENSOR.grid.directions[5]
@@ -84,21 +76,6 @@ def test_a_room_is_that_of_its_seed() -> None:
     assert not any(np.array_equal(frames[0].signal, other.signal) for other in frames[1:])
     one, again = (play(number=3, seed=7) for _ in range(2))
     assert one.scored == again.scored
-
-
-def test_all_that_is_named_is_drawn() -> None:
-    drawn = [draw_room(np.random.default_rng([1, number])) for number in range(150)]
-    markers = [marker for room in drawn for marker in room.markers]
-    assert {marker.sending for marker in markers} == {*SENDINGS, *FOREIGN}
-    assert {marker.course.motion for marker in markers} == set(MOTIONS)
-    assert any(math.isfinite(marker.present_s[0]) for marker in markers)
-    assert {len(room.markers) for room in drawn} == {1, 2, 3, 4, 16}
-    assert {room.scene.sensor.grid.rows for room in drawn} == {4, 8}
-    assert {room.cloth[0] > 0 for room in drawn} == {True, False}
-    for what in ('surfaces', 'moving_surfaces'):
-        assert {bool(getattr(room.scene, what)) for room in drawn} == {True, False}
-    for what in ('lost', 'abnormal', 'jitter_s'):
-        assert {getattr(room.scene.sensor, what) > 0 for room in drawn} == {True, False}
 
 
 def test_what_is_said_to_be_sent_is_in_the_light_and_silence_is_bright() -> None:
@@ -188,37 +165,6 @@ def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() ->
     assert wall.recording.signal.min(axis=0) == pytest.approx(np.full(16, 77.0), abs=25)
 
 
-READERS = {reader.name: reader for reader in find_readers()[0]}
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return np.random.default_rng(3)
-
-
-@pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
-def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
-    duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
-    blocks = list(member.blocks(duration_s, np.random.default_rng(3)))
-    sequence = np.concatenate([block.sequence for block in blocks])
-    np.testing.assert_array_equal(sequence, np.arange(len(sequence)))
-    assert len(sequence) == round(duration_s / SENSOR.period_s)
-    for block in blocks:
-        none = block.status == Status.NO_TARGET
-        assert np.isfinite(block.signal).all()
-        assert (np.isnan(block.distance) == none).all()
-
-
-def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
-    sent = time_to_id.appearing(1.0, np.random.default_rng(3))
-    before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
-    assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
-    times_s, wrong = time_to_id.first_ids(sent, BOTH['joint'])
-    assert np.isfinite(times_s).all()
-    assert times_s.min() > 19 * BIT_PERIOD_S  # seven bits of the preamble and twelve of the ID
-    assert wrong <= 1  # a packet that comes into view half sent may look like another
-
-
 def test_photoelectrons_follow_light_and_time() -> None:
     # By hand: 100 lux on paper of 0.9 through f/1.8 with 0.9 of the light leave 6.25 lux; for
     # 1/30 s on (1/300 mm)², half of 683 W⁻¹ lm of 555 nm photons count.
@@ -246,29 +192,15 @@ class Liar(AprilTagReader):
         return [seen._replace(id=seen.id + 1)]
 
 
-def test_right_and_wrong_ids_are_counted(rng: np.random.Generator) -> None:
-    liar = Liar('liar', 2.0)
-    results = read_pictures([*READERS.values(), liar], camera.Background(rng), 4, rng, View(0.6))
-    for name in READERS:
-        found = results[name]
+def test_right_and_wrong_ids_are_counted() -> None:
+    rng = np.random.default_rng(3)
+    readers, liar = find_readers()[0], Liar('liar', 2.0)
+    results = read_pictures([*readers, liar], camera.Background(rng), 4, rng, View(0.6))
+    for reader in readers:
+        found = results[reader.name]
         assert (found['right']['hits'], found['wrong']['hits']) == (4, 0)
         assert found['error_mm'] is not None
         assert found['error_mm']['largest'] < 6
     found = results[liar.name]
     assert (found['right']['hits'], found['wrong']['hits']) == (0, 4)
     assert found['error_mm'] is None
-
-
-@pytest.mark.parametrize(
-    ('view', 'hits'),
-    [
-        (View(1.0), 5),
-        (View(1.0, lux=0.01), 0),
-        (View(1.0, yaw_deg=85), 0),
-        (View(1.0, pitch_deg=85), 0),
-        (View(1.0, speed_m_s=0.6), 0),
-    ],
-)
-def test_tags_end_dark_turned_and_blurred(view: View, hits: int, rng: np.random.Generator) -> None:
-    results = read_pictures([READERS[APRILTAG]], camera.Background(rng), 5, rng, view)
-    assert results[APRILTAG]['right']['hits'] == hits
