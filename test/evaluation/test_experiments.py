@@ -167,7 +167,8 @@ TINY: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize('name', [name for name in EXPERIMENTS if name != false_ids.NAME])
+# Numbers of the core are changed as its parts are.
+@pytest.mark.parametrize('name', sorted(EXPERIMENTS.keys() - {false_ids.NAME, 'numbers'}))
 def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module, sizes in TINY.items():
         for attribute, value in sizes.items():

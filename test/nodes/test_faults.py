@@ -84,7 +84,12 @@ def test_markers_are_read_and_placed(chain: Chain) -> None:
     assert (first.level, first.message) == (WARN, 'no frame has come yet')
     check_frames(system, sensor, FRAME_ID)
     check_detections(system, SCENE, FRAME_ID)
-    system.wait_for_status(DRIVER, OK, 'frames a second')
+    status = system.wait_for_status(DRIVER, OK, 'frames a second')
+    # This sensor knows no commands.
+    assert (status.hardware_id, 'firmware' in values_of(status)) == (str(system.port), False)
+    answer = system.services.trigger('driver/stop')
+    assert not answer.success
+    assert answer.message.startswith('no answer to stop: flash a firmware')
     values = values_of(system.wait_for_status(DETECTOR, OK, 'packets accepted'))
     assert values['method'] == 'joint'
     assert int(values['frames']) > 20
