@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults that are put into core and product on purpose: which ones does no test notice?
 
-Each mutant is one comparison or one logical operator turned round, or one call left out, in a copy
-of the repository; or, as `parts`, one part of the decision switched off. The tests of its folder
-run until one fails; what all of them pass survives.
+Each is a comparison or logical operator turned round, or a call left out, in a copy of the
+repository; or, as `parts`, a part of the decision switched off.
 
     make mutants ARGS="--count 40 --seed 1 core detector"
     make mutants ARGS=parts

@@ -40,14 +40,7 @@ def random_markers(
 ) -> list[Sending]:
     """Show markers of all kinds to the core, on levels that wander, with samples that are missing.
 
-    Parameters
-    ----------
-    packets : int
-        How long they are seen after a silence.
-    repeats : bool, optional
-        Whether markers send more than one; some do if it is not given.
-    samples : int, optional
-        After so many, all are missing.
+    Some repeat, if it is not said whether they do; after so many `samples`, all are missing.
     """
     middle_s = np.arange(PERIOD_S / 2, SILENCE_S + (packets + 1) * PACKET_S, PERIOD_S)
     middle_s += np.clip(rng.standard_normal(len(middle_s)), -2, 2) * rng.uniform(0, 0.004)

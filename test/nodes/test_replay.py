@@ -80,10 +80,7 @@ def bag(live: Listener, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def replayed(
     system: System, first: Frame, *given: str, qos: QoSProfile | int = 10
 ) -> Iterator[Callable[[Frame], None]]:
-    """Start a detector on the clock of a bag; yield what plays a frame.
-
-    By default with the depth of `ros2 bag play`.
-    """
+    """Start a detector on the clock of a bag; yield what plays a frame, as `ros2 bag play` does."""
     clock = system.node.create_publisher(Clock, f'{system.namespace}/clock', 10)
     publisher = system.node.create_publisher(FrameMsg, 'frames', qos)
     remapped = ('-r', f'/clock:={system.namespace}/clock')
@@ -102,10 +99,7 @@ def replayed(
 
 
 def test_a_replay_reads_what_was_read_live(live: Listener, bag: Path, tmp_path: Path) -> None:
-    """By a detector that stands still, and is then given the frames of seven seconds at once.
-
-    With a queue that holds all: how many get through a short one is the machine's load.
-    """
+    """By a detector that stands still, and is then given the frames of seven seconds at once."""
     first, *frames = list(read_frames(bag))
     with running(tmp_path, '/replay') as system, replayed(system, first, qos=FRAME_QOS) as play:
         began_s, pid = time.monotonic(), system.processes.pid('detector')
