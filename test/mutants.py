@@ -151,20 +151,14 @@ class Copy:
 
     def run(self, command: str) -> int:
         """Run a command in the environment of the package, with the copy before it."""
-        line = f'PYTHONPATH={self._root}:$PYTHONPATH exec {command}'
-        process = subprocess.Popen(
+        line = f'PYTHONPATH={self._root}:$PYTHONPATH exec timeout -s KILL {TIMEOUT_S} {command}'
+        return subprocess.run(
             [str(self._root / 'embedded/run'), 'bash', '-c', line],
             cwd=self._root,
             env={**os.environ, 'PYTHONDONTWRITEBYTECODE': '1'},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        try:
-            return process.wait(TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, 9)
-            return process.wait()
+            capture_output=True,
+            check=False,
+        ).returncode
 
     def compiles(self) -> bool:
         """Compile what has changed of the core; return whether that was possible."""
