@@ -216,14 +216,10 @@ def read_by(
     return found
 
 
-def test_every_frame_of_the_sensor_comes_out_of_the_line(programs: Path) -> None:
-    frames = read_by(programs / 'reader_host', raw_frames(500))
-    assert [frame.sequence for frame in frames] == list(range(1, 501))
-
-
-def test_stamps_are_of_the_middle_of_the_exposure_and_never_go_back(programs: Path) -> None:
+def test_every_frame_is_sent_with_the_middle_of_its_exposure(programs: Path) -> None:
     start_us = 2**32 - 500_000  # the counter of the timer wraps after half a second
-    frames = read_by(programs / 'reader_host', raw_frames(50), start_us=start_us)
+    frames = read_by(programs / 'reader_host', raw_frames(500), start_us=start_us)
+    assert [frame.sequence for frame in frames] == list(range(1, 501))
     times = np.array([frame.sensor_time_us for frame in frames])
     # The timer counts to 2^32 - 2 and not to 2^32 - 1, so it gains a microsecond when it wraps.
     assert set(np.diff(times)) == {FRAME_US, FRAME_US + 1}
