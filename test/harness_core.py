@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from harness_firmware import make, need, shared_build
-from numpy.typing import NDArray
-from oracle import Sending, Zone, log_likelihood
+from harness_frames import recording_of
+from numpy.typing import ArrayLike, NDArray
+from oracle import Sending, Zone, light, log_likelihood
 
 from retrolidar_ros.core import ffi as core_ffi
 from retrolidar_ros.detector.likelihood_detector import core_sensor
@@ -28,6 +29,27 @@ GRID = ZoneGrid()
 PERIOD_S = 0.021
 KEPT = 1100
 TYPES = {'double': 'f8', 'float': 'f4', 'uint8_t': 'u1', 'uint16_t': 'u2'}
+ONE_ZONE: Floats = np.eye(GRID.zones)[0]
+
+
+def sent(
+    number: int, start_s: float, *, repeats: bool = False, bit_s: float = BIT_PERIOD_S
+) -> Sending:
+    """Return the packet of an ID, by default a lone one."""
+    return Sending(packet(number).astype(np.float64), repeats, start_s, bit_s)
+
+
+def light_at(middle_s: Floats, sending: Sending) -> Floats:
+    """Return the light of exposures with these middles [s]."""
+    return light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
+
+
+def noisy(
+    middle_s: Floats, mean: Floats, rng: np.random.Generator, distance: ArrayLike = 1.0
+) -> Recording:
+    """Return frames of a mean signal, of shape (frames, 16), with noise as the law has it."""
+    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
+    return recording_of(middle_s, np.maximum(signal, 0), distance)
 
 
 def constant(name: str) -> float:
@@ -250,11 +272,11 @@ def assert_agrees(core: Statistics, zone: Zone, null: float, tried: list[Sending
 
 def around(sending: Sending, rng: np.random.Generator) -> list[Sending]:
     """Return a sending, and some that are like it or not."""
-    other = packet(rng.choice(USABLE_IDS)).astype(np.float64)
+    other = sent(rng.choice(USABLE_IDS), sending.start_s, repeats=sending.repeats)
     return [
         sending,
         sending._replace(start_s=sending.start_s + rng.uniform(-0.5, 0.5) * BIT_PERIOD_S),
-        sending._replace(bits=other, bit_s=BIT_PERIOD_S),
+        other,
         sending._replace(bits=1 - sending.bits),
         sending._replace(repeats=not sending.repeats),
     ]

@@ -41,17 +41,13 @@ def make_frames(count: int, side: int = 4, seed: int = 1) -> list[Frame]:
     ]
 
 
-def recording_of(
-    stamp_ns: NDArray[np.int64],
-    signal: Floats,
-    distance: ArrayLike = 1.0,
-    status: ArrayLike = Status.VALID,
-) -> Recording:
-    """Return frames of 4x4 zones, whose arrays are of shape (frames, 16) or one value."""
+def recording_of(middle_s: Floats, signal: Floats, distance: ArrayLike = 1.0) -> Recording:
+    """Return frames of 4x4 zones, all valid; a distance is of shape (frames, 16) or one value."""
 
     def each(values: ArrayLike, dtype: type) -> NDArray[Any]:
         return np.broadcast_to(values, signal.shape).astype(dtype)
 
+    stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
     return Recording(
         stamp_ns=stamp_ns,
         sequence=np.arange(len(stamp_ns)),
@@ -60,7 +56,7 @@ def recording_of(
         distance=each(distance, np.float32),
         signal=each(signal, np.float32),
         ambient=each(0.0, np.float32),
-        status=each(status, np.uint8),
+        status=each(Status.VALID, np.uint8),
     )
 
 

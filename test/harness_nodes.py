@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Running nodes: how tests start, feed, question and end them, and what the nodes report."""
 
+import itertools
 import os
 import signal
 from collections.abc import Iterator
@@ -19,20 +20,10 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_frame_msg
 from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Frame
 
 FRAME_ID = 'retrolidar_optical_frame'
 COFFEE_IDS = {2073, 2096, 2107}
-FEED_PERIOD_S = 0.007
-"""Between frames that are published, which is faster than they would come."""
-
-
-def endless(scene: Scene) -> Iterator[Frame]:
-    simulation = Simulation(scene)
-    while True:
-        yield from simulation.advance(100)
 
 
 class System(Observer):
@@ -79,12 +70,13 @@ class System(Observer):
 
     @contextmanager
     def fed(self, topic: str) -> Iterator[None]:
-        """Publish frames of the coffee scene."""
-        frames = endless(load_scene('coffee'))
+        """Publish frames of the coffee scene, faster than they would come."""
+        simulation = Simulation(load_scene('coffee'))
+        frames = itertools.chain.from_iterable(map(simulation.advance, itertools.repeat(100)))
         publisher = self.node.create_publisher(FrameMsg, topic, 10)
         self.wait(lambda: publisher.get_subscription_count() > 0, f'subscribers of {topic}')
         feed = self.node.create_timer(
-            FEED_PERIOD_S, lambda: publisher.publish(to_frame_msg(next(frames), FRAME_ID))
+            0.007, lambda: publisher.publish(to_frame_msg(next(frames), FRAME_ID))
         )
         try:
             yield

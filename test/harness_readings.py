@@ -70,6 +70,7 @@ def mapped(name: str, place_m: Floats) -> Estimate:
     return estimate_of(Landmark(name, {}, Errors(), prior_at(place_m, 1e-6, 1e-6)))
 
 
-def squared(estimate: Estimate, truth_m: Floats) -> float:
+def squared(estimate: Estimate | KnownPose, truth_m: Floats) -> float:
+    """Return the squared distance from the truth, in deviations."""
     off = estimate.position_m - truth_m
     return float(off @ np.linalg.solve(estimate.covariance[:3, :3], off))

@@ -249,11 +249,7 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     ]
 
     def has_all() -> bool:
-        """Return whether the newest pose is of the last reading and as exact as all together.
-
-        On a busy machine several readings share a pose, and those that wait for their transform
-        come after the last one.
-        """
+        # On a busy machine several readings share a pose, and some come after the last one.
         newest = abs(to_ns(mug[-1].header.stamp) - read_ns[-1]) < 1000
         return newest and deviation_m(mug[-1]) < 0.03
 

@@ -59,11 +59,6 @@ def line(tmp_path: Path) -> Iterator[LifeLine]:
     os.close(line.end)
 
 
-def await_end(group: ProcessGroup, name: str) -> None:
-    """Wait until a process has ended, but leave it to the group to take note of that."""
-    os.waitid(os.P_PID, group.pid(name), os.WEXITED | os.WNOWAIT)
-
-
 @pytest.mark.parametrize('program', [SLEEPER, PARENT, ABANDONING])
 def test_leaving_ends_children_and_theirs(tmp_path: Path, line: LifeLine, program: str) -> None:
     with ProcessGroup(tmp_path) as group:
@@ -142,7 +137,7 @@ def test_check_reports_who_ended_and_the_end_of_its_log(tmp_path: Path, line: Li
         line.wait_for(b'ready')
         group.check()
         group.start('failing', ['sh', '-c', program])
-        await_end(group, 'failing')
+        os.waitid(os.P_PID, group.pid('failing'), os.WEXITED | os.WNOWAIT)
         with pytest.raises(ProcessError) as caught:
             group.check()
         assert str(caught.value) == f'failing ended with exit code 3:\n{lines}\noops'

@@ -19,7 +19,6 @@ from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.sensor.frame import Recording
 
 
 def recorder(port: Path, bag: Path, *options: str) -> 'subprocess.Popen[str]':
@@ -39,18 +38,26 @@ def until(stream: IO[str] | None, pattern: str) -> str:
     raise AssertionError(f'no {pattern} in {seen}')
 
 
-def test_an_interrupted_recording_holds_what_was_sent(tmp_path: Path) -> None:
+@pytest.mark.parametrize(('storage', 'end'), [('sqlite3', signal.SIGINT), ('mcap', signal.SIGTERM)])
+def test_a_recording_holds_what_was_sent_before_and_after_a_cable_was_out(
+    tmp_path: Path, storage: str, end: signal.Signals
+) -> None:
     with Sensor(load_scene('coffee'), tmp_path / 'port') as sensor:
-        process = recorder(tmp_path / 'port', tmp_path / 'bag', '--storage', 'sqlite3')
+        process = recorder(tmp_path / 'port', tmp_path / 'bag', '--storage', storage)
         line = until(process.stderr, 'zone 9 blinks by')
-        process.send_signal(signal.SIGINT)
+        sensor.pull()
+        until(process.stderr, 'was lost; is the sensor still plugged in')
+        sensor.plug()
+        until(process.stderr, 'reading')
+        until(process.stderr, 'lost')
+        process.send_signal(end)
         output, _ = process.communicate(timeout=20)
     assert process.returncode == 0
     assert re.search(r'\d+ frames, \d\d\.\d a second, \d+ lost; zone 9 blinks by 3\d dB', line)
     frames = list(read_frames(tmp_path / 'bag'))
     lost = frames[-1].sequence - frames[0].sequence + 1 - len(frames)
     assert f'{len(frames)} frames, {lost} lost' in output
-    at_once = frames_in_real_time(load_scene('coffee'), 10.0, 0, lambda: 10**18)
+    at_once = frames_in_real_time(load_scene('coffee'), 30.0, 0, lambda: 10**18)
     sent = {frame.sequence: frame for frame, _ in at_once}
     for frame in frames:
         true = sent[frame.sequence]
@@ -58,23 +65,9 @@ def test_an_interrupted_recording_holds_what_was_sent(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frame.status, true.status)
     errors_ns = [frame.stamp_ns - sensor.middle_ns[frame.sequence] for frame in frames]
     assert np.median(np.abs(errors_ns)) < 20e6  # a busy host may have been late with some
-
-
-def test_a_cable_that_is_pulled_leaves_what_came_before_and_after(tmp_path: Path) -> None:
-    with Sensor(load_scene('coffee'), tmp_path / 'port') as sensor:
-        process = recorder(tmp_path / 'port', tmp_path / 'bag')
-        until(process.stderr, r'[1-9]\d* frames')
-        sensor.pull()
-        until(process.stderr, 'was lost; is the sensor still plugged in')
-        sensor.plug()
-        until(process.stderr, 'reading')
-        until(process.stderr, 'lost')
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=20)
-    recording = Recording.of(list(read_frames(tmp_path / 'bag')))
-    assert process.returncode == 0
-    assert np.diff(recording.stamp_ns).max() > 0.2e9
-    assert (np.diff(recording.stamp_ns) > 0).all()
+    gaps_ns = np.diff([frame.stamp_ns for frame in frames])
+    assert gaps_ns.min() > 0
+    assert gaps_ns.max() > 0.2e9
 
 
 def test_no_frame_is_explained_is_an_exit_code_and_leaves_nothing(

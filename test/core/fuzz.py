@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gives frames of garbage to detectors of any settings, and looks at all that they say.
 
-fuzz.py LIBRARY SEED DETECTORS FRAMES: of every detector it prints how many candidates it judged and
-read. The library of the sanitizer is to be loaded before all others.
+fuzz.py LIBRARY SEED DETECTORS FRAMES, with the library of the sanitizer loaded before all others.
 """
 
 import sys

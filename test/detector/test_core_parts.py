@@ -6,10 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics, bind_core, constant
+from harness_core import (
+    GRID,
+    KEPT,
+    LAW,
+    PERIOD_S,
+    Statistics,
+    bind_core,
+    constant,
+    light_at,
+    sent,
+)
 from harness_frames import recording_of
 from numpy.typing import NDArray
-from oracle import Sending, light
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -20,8 +29,8 @@ KNOTS = 7
 
 @pytest.mark.parametrize('grid', GRIDS.values(), ids=lambda grid: f'{grid.zones} zones')
 def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: ZoneGrid) -> None:
-    sent = recording_of(np.array([0]), np.ones((1, grid.zones)))
-    core.take(replace(sent, grid=grid), LAW, BIT_PERIOD_S)
+    frames = recording_of(np.zeros(1), np.ones((1, grid.zones)))
+    core.take(replace(frames, grid=grid), LAW, BIT_PERIOD_S)
     view, memory = core.ffi.new('struct rl_view *'), core.ffi.new('struct rl_memory *')
     core.lib.rl_view_start(view, core.samples, memory)
     asked, memory.taken = memory.taken, 0
@@ -34,36 +43,36 @@ def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: Zo
 @pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
 def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
     rng = np.random.default_rng(40)
-    begin_s = PERIOD_S * np.arange(70)
-    sending = Sending(packet(2073).astype(np.float64), True, -0.3, BIT_PERIOD_S)
-    sent = light(sending, begin_s, begin_s + PERIOD_S)
-    gain = 100 * (1 + sway * np.sin(5 * begin_s))
-    signal = (20 + gain * sent + 3 * rng.standard_normal(70)).astype(np.float32)
+    middle_s = PERIOD_S * (np.arange(70) + 0.5)
+    own, other = (
+        light_at(middle_s, sent(number, start_s, repeats=True))
+        for number, start_s in ((2073, -0.3), (1234, 0.2))
+    )
+    gain = 100 * (1 + sway * np.sin(5 * middle_s))
+    signal = (20 + gain * own + 3 * rng.standard_normal(70)).astype(np.float32)
     valid = rng.random(70) > 0.1
     gains = core.array(np.zeros(KNOTS))
-    seen = (core.array(signal, 'float'), core.array(valid, 'uint8_t'), core.array(sent))
-    fit = core.lib.rl_gain_profile_fit(*seen, 70, gains)
+    seen = (core.array(signal, 'float'), core.array(valid, 'uint8_t'))
+    fit = core.lib.rl_gain_profile_fit(*seen, core.array(own), 70, gains)
     followed = np.interp(np.linspace(0, KNOTS - 1, 70), np.arange(KNOTS), list(gains))
     assert followed == pytest.approx(gain, abs=20)
     # What is left of the steps is noise alone, twice as much of which is in each.
     steps = np.diff(signal.astype(np.float64)[valid])
     assert 15 < fit.nats < steps @ steps / (4 * 9.0)
     assert (np.ptp(list(gains)) > 0) == (sway > 0)
-    sending = Sending(packet(1234).astype(np.float64), True, 0.2, BIT_PERIOD_S)
-    other = light(sending, begin_s, begin_s + PERIOD_S)
-    assert core.lib.rl_gain_profile_fit(*seen[:2], core.array(other), 70, gains).nats < 0
+    assert core.lib.rl_gain_profile_fit(*seen, core.array(other), 70, gains).nats < 0
 
 
 def column_of(
     core: Statistics, signal: Floats, distance: Floats
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return signal and validity of zone 0, whose frames these are, as a window sees it."""
-    frames = len(signal)
-    stamp_ns = np.rint(1e9 * PERIOD_S * np.arange(frames)).astype(np.int64)
-    shape = (frames, GRID.zones)
+    shape = (len(signal), GRID.zones)
     signals, distances = np.full(shape, 5.0), np.ones(shape)
     signals[:, 0], distances[:, 0] = signal, distance
-    core.take(recording_of(stamp_ns, signals, distances), LAW, BIT_PERIOD_S)
+    core.take(
+        recording_of(PERIOD_S * np.arange(len(signal)), signals, distances), LAW, BIT_PERIOD_S
+    )
     return core.column(0)
 
 
@@ -117,9 +126,9 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         shift = case % PACKET_BITS if is_part else 0
         seen = np.arange(PACKET_BITS) >= (PACKET_BITS - 20 if is_part else 0)
         soft *= np.roll(seen, -shift)
-        sent = packet(ids).astype(np.float64)
-        sums = sent @ soft
-        bits = np.roll(sent, shift, axis=1) * seen
+        packets = packet(ids).astype(np.float64)
+        sums = packets @ soft
+        bits = np.roll(packets, shift, axis=1) * seen
         # Whitening would leave less than nothing of some.
         energy = np.maximum(
             energies(own, adjacent, lags, bits), constant('MIN_ENERGY') * own * bits.sum(axis=1)
@@ -163,8 +172,7 @@ def test_the_variation_of_a_zone_is_that_of_its_newest_packet(core: Statistics) 
     rows = 62
     for frames in (3 * rows, 4 * KEPT + 10):
         signal = 50.0 + np.linspace(1, 9, frames)[:, None] * rng.standard_normal((frames, 16))
-        stamp_ns = np.rint(1e9 * PERIOD_S * np.arange(frames)).astype(np.int64)
-        core.take(recording_of(stamp_ns, signal), LAW, BIT_PERIOD_S)
+        core.take(recording_of(PERIOD_S * np.arange(frames), signal), LAW, BIT_PERIOD_S)
         assert core.samples.variance_rows == rows
         newest = signal[-rows:].astype(np.float32).astype(np.float64)
         expected = newest.var(axis=0, ddof=1) / LAW.variance(newest.mean(axis=0))

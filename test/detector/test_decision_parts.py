@@ -7,15 +7,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, PERIOD_S, Statistics, constant
+from harness_core import (
+    GRID,
+    LAW,
+    ONE_ZONE,
+    PERIOD_S,
+    Statistics,
+    constant,
+    light_at,
+    noisy,
+    sent,
+)
 from harness_frames import recording_of
-from oracle import Sending, light
 
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, PREAMBLE, packet
 from retrolidar_ros.sensor.frame import Floats
 
 START_S = 1.0
+HIT_S = START_S - PERIOD_S / 2
+"""The same for the core, whose times count from the middle of the first exposure."""
 
 
 class Marker(NamedTuple):
@@ -32,33 +43,25 @@ class Marker(NamedTuple):
 
 def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
     """Return how much evidence a packet needs beyond what is demanded [nats]."""
-    sending = Sending(
-        packet(marker.id).astype(np.float64), marker.packets > 1, START_S, BIT_PERIOD_S
-    )
+    sending = sent(marker.id, START_S, repeats=marker.packets > 1)
     middle_s = np.arange(PERIOD_S / 2, START_S + (marker.packets + 0.2) * PACKET_S, PERIOD_S)
-    sent = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
     rng = np.random.default_rng(60)
-    wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(sent)))
-    own_zone = np.arange(GRID.zones) == 0
-    mean = wall[:, None] + marker.gain * sent[:, None] * own_zone
+    wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(middle_s)))
+    seen = light_at(middle_s, sending)
     if marker.beside is not None:
-        other = Sending(packet(marker.beside).astype(np.float64), True, 0.3, BIT_PERIOD_S)
-        seen = light(other, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-        mean += 10 * marker.gain * seen[:, None] * own_zone
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
-    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
-    # Times of the core count from the middle of the first exposure.
+        other = sent(marker.beside, 0.3, repeats=True)
+        seen += 10 * light_at(middle_s, other)
+    mean = wall[:, None] + marker.gain * np.outer(seen, ONE_ZONE)
+    core.take(noisy(middle_s, mean, rng), LAW, BIT_PERIOD_S)
     if marker.beside is not None:
         known = core.window.interference
         known.count = 1
         known.train[0].transmission = core.given(other._replace(start_s=0.3 - PERIOD_S / 2))[0]
         known.train[0].begin_s, known.train[0].end_s = 0.0, middle_s[-1]
-    sending = sending._replace(start_s=START_S - PERIOD_S / 2)
-    to_s = sending.start_s + marker.packets * PACKET_S + 0.02
+    hits = [(marker.id, sending._replace(start_s=HIT_S))]
+    to_s = HIT_S + marker.packets * PACKET_S + 0.02
 
     def judged(demanded: float) -> tuple[int, float]:
-        hits = [(marker.id, sending)]
         verdict = core.decide(0, marker.packets, to_s, hits, demanded, wandering)
         return verdict.reason, verdict.evidence
 
@@ -107,50 +110,39 @@ def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: 
 @pytest.mark.parametrize('rate', [0.95, 1.05])
 def test_a_clock_is_never_refined_beyond_those_looked_for(core: Statistics, rate: float) -> None:
     core.start_codebook()
-    sending = Sending(packet(2073).astype(np.float64), False, START_S, rate * BIT_PERIOD_S)
-    middle_s = np.arange(PERIOD_S / 2, START_S + 1.3 * PACKET_S, PERIOD_S)
-    seen = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-    mean = 10.0 + 150.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
-    core.take(recording_of(np.rint(1e9 * middle_s).astype(np.int64), mean), LAW, BIT_PERIOD_S)
+    sending = sent(2073, START_S, bit_s=rate * BIT_PERIOD_S)
+    mean = 10.0 + 150.0 * np.outer(light_at(MIDDLE_S, sending), ONE_ZONE)
+    core.take(recording_of(MIDDLE_S, mean), LAW, BIT_PERIOD_S)
     window = core.window
     near_s = 0.999 * window.max_bit_s if rate > 1 else 1.001 * window.min_bit_s
-    hit = sending._replace(start_s=START_S - PERIOD_S / 2, bit_s=near_s)
-    verdict = core.decide(0, 1, hit.start_s + PACKET_BITS * hit.bit_s + 0.02, [(2073, hit)])
+    hit = sending._replace(start_s=HIT_S, bit_s=near_s)
+    verdict = core.decide(0, 1, HIT_S + PACKET_BITS * near_s + 0.02, [(2073, hit)])
     bit_s = verdict.transmission.bit_s
     assert window.min_bit_s / 1.0001 < bit_s < 1.0001 * window.max_bit_s
 
 
 WORD_NATS = 8.0
 """By how much bits of no word may be likelier, as shipped."""
+MIDDLE_S = np.arange(PERIOD_S / 2, START_S + 2.2 * PACKET_S, PERIOD_S)
 
 
 def judged(core: Statistics, seen: Floats, number: int, *, packets: int = 1) -> Any:
-    """Return the verdict on a packet that begins at `START_S`, of light as `taken` has it."""
-    mean = 10.0 + 300.0 * seen[:, None] * (np.arange(GRID.zones) == 0)
-    rng = np.random.default_rng(61)
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * MIDDLE_S).astype(np.int64)
-    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
+    """Return the verdict on a packet that begins at `START_S`, of light at `MIDDLE_S`."""
+    mean = 10.0 + 300.0 * np.outer(seen, ONE_ZONE)
+    core.take(noisy(MIDDLE_S, mean, np.random.default_rng(61)), LAW, BIT_PERIOD_S)
     core.start_codebook()
-    start_s = START_S - PERIOD_S / 2
-    bits = packet(number).astype(np.float64)
-    hit = Sending(bits, packets > 1, start_s, BIT_PERIOD_S)
-    to_s = start_s + packets * PACKET_S + 0.02
-    return core.decide(0, packets, to_s, [(number, hit)])
-
-
-MIDDLE_S = np.arange(PERIOD_S / 2, START_S + 2.2 * PACKET_S, PERIOD_S)
+    hit = sent(number, HIT_S, repeats=packets > 1)
+    return core.decide(0, packets, HIT_S + packets * PACKET_S + 0.02, [(number, hit)])
 
 
 def shown(
     number: int, first_bit: int = 0, *, flipped: int | None = None, repeats: bool = False
 ) -> Floats:
     """Return the light of a packet that begins some bits after `START_S`, a bit of it turned."""
-    bits = packet(number).astype(np.float64)
+    sending = sent(number, START_S + first_bit * BIT_PERIOD_S, repeats=repeats)
     if flipped is not None:
-        bits[flipped] = 1 - bits[flipped]
-    sending = Sending(bits, repeats, START_S + first_bit * BIT_PERIOD_S, BIT_PERIOD_S)
-    return light(sending, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
+        sending.bits[flipped] = 1 - sending.bits[flipped]
+    return light_at(MIDDLE_S, sending)
 
 
 def fading() -> Floats:
@@ -180,28 +172,42 @@ def test_packets_that_are_combined_are_of_the_same_bits(core: Statistics) -> Non
     assert judged(core, changed, 2073, packets=2).word > 6 * WORD_NATS
 
 
+BESIDE = light_at(MIDDLE_S, sent(1234, 0.3, repeats=True))
+"""The light of another marker."""
+SPREAD = np.eye(GRID.zones)
+
+
+def read_in(mean: Floats, seed: int, middle_s: Floats = MIDDLE_S) -> set[int]:
+    """Return what is read in a recording."""
+    frames = noisy(middle_s, mean, np.random.default_rng(seed))
+    return {one.id for one in create_detector('joint', GRID).update_all(frames)}
+
+
+def times_found(number: int, mean: Floats, times: int) -> int:
+    """Return in how many of some recordings an ID is read."""
+    return sum(number in read_in(mean, seed) for seed in range(times))
+
+
 def test_a_faint_packet_of_four_zones_is_found_beside_a_bright_marker() -> None:
     """In none of them alone is it found."""
-    seen = 100.0 * beside(1234) + 12.0 * shown(2073, PACKET_BITS - 3)
+    seen = 100.0 * BESIDE + 12.0 * shown(2073, PACKET_BITS - 3)
     mean = 10.0 + np.outer(seen, np.isin(np.arange(GRID.zones), (5, 6, 9, 10)))
     assert times_found(2073, mean, 8) >= 3
 
 
 def test_a_packet_that_a_marker_in_the_next_zone_hid_is_found_once_that_is_known() -> None:
     hidden = shown(2073, -round(0.3 / BIT_PERIOD_S))
-    spread = np.eye(GRID.zones)
-    mean = 10.0 + np.outer(beside(1234), 600.0 * spread[5] + 240.0 * spread[6])
-    assert times_found(2073, mean + np.outer(34.0 * hidden, spread[6]), 10) >= 4
+    mean = 10.0 + np.outer(BESIDE, 600.0 * SPREAD[5] + 240.0 * SPREAD[6])
+    assert times_found(2073, mean + np.outer(34.0 * hidden, SPREAD[6]), 10) >= 4
 
 
 def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_better() -> None:
-    rng = np.random.default_rng(3)
-    foreign = Sending(rng.integers(0, 2, PACKET_BITS).astype(float), True, 0.3, 1.37 * BIT_PERIOD_S)
+    bits = np.random.default_rng(3).integers(0, 2, PACKET_BITS).astype(float)
+    foreign = sent(1234, 0.3, repeats=True, bit_s=1.37 * BIT_PERIOD_S)._replace(bits=bits)
     sways = 1 + 0.5 * np.sin(2 * np.pi * MIDDLE_S / 2.1)
-    spread = np.eye(GRID.zones)
-    other = sways * light(foreign, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
-    mean = 10.0 + np.outer(other, 600.0 * spread[5] + 240.0 * spread[6])
-    own = np.outer(shown(2073), 60.0 * spread[6] + 6.0 * spread[5])
+    other = sways * light_at(MIDDLE_S, foreign)
+    mean = 10.0 + np.outer(other, 600.0 * SPREAD[5] + 240.0 * SPREAD[6])
+    own = np.outer(shown(2073), 60.0 * SPREAD[6] + 6.0 * SPREAD[5])
     assert times_found(2073, mean + own, 8) >= 6
 
 
@@ -209,9 +215,9 @@ def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_b
 def test_two_that_begin_together_are_not_two_of_the_same_sum(ratio: float, least: int) -> None:
     """Where they are equally bright, nothing tells which two of the same sum it is."""
     pair, alike = (1289, 2302), (1528, 2063)
-    assert (sum(map(packet, pair)) == sum(map(packet, alike))).all()
+    assert np.array_equal(sum(map(packet, pair)), sum(map(packet, alike)))
     first, second = (shown(one, repeats=True) for one in pair)
-    mean = 10.0 + np.outer(150.0 * (first + ratio * second), np.arange(GRID.zones) == 5)
+    mean = 10.0 + 150.0 * np.outer(first + ratio * second, SPREAD[5])
     found = Counter(number for seed in range(12) for number in read_in(mean, seed))
     assert found.keys() <= {*pair}
     assert found.total() >= least
@@ -222,37 +228,11 @@ def test_the_light_of_two_known_markers_is_no_third_packet() -> None:
     first, numbers = 2895, (3802, 1822, 1191, 1271, 1636)
     both, third = packet(first) + packet(numbers[3]), packet(71)
     assert np.array_equal(both[len(PREAMBLE) :] == 2, third[len(PREAMBLE) :] == 1)
-    middle_s = PERIOD_S * (np.arange(round((START_S + 5.2 * PACKET_S) / PERIOD_S)) + 0.5)
-    times = middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2
-
-    def sent(number: int, start_s: float, *, repeats: bool = False) -> Floats:
-        bits = packet(number).astype(np.float64)
-        return light(Sending(bits, repeats, start_s, BIT_PERIOD_S), *times)
-
-    starts_s = START_S + PACKET_S * np.arange(len(numbers))
-    other = 1 - sum(1 - sent(*one) for one in zip(numbers, starts_s, strict=True))
-    zone = np.eye(GRID.zones)
-    mean = 10.0 + 130.0 * np.outer(sent(first, START_S, repeats=True), zone[5])
-    mean += 115.0 * np.outer(other, zone[5] + 0.5 * zone[6])
+    middle_s = np.arange(PERIOD_S / 2, START_S + 5.2 * PACKET_S, PERIOD_S)
+    light = light_at(middle_s, sent(first, START_S, repeats=True))
+    mean = 10.0 + 130.0 * np.outer(light, SPREAD[5])
+    for index, number in enumerate(numbers):
+        dark = 1 - light_at(middle_s, sent(number, START_S + index * PACKET_S))
+        mean += np.outer(115.0 * (1 / len(numbers) - dark), SPREAD[5] + 0.5 * SPREAD[6])
     for seed in range(6):
-        assert read_in(mean, seed) == {first, *numbers}
-
-
-def beside(number: int) -> Floats:
-    """Return the light of a marker that repeats."""
-    known = Sending(packet(number).astype(np.float64), True, 0.3, BIT_PERIOD_S)
-    return light(known, MIDDLE_S - PERIOD_S / 2, MIDDLE_S + PERIOD_S / 2)
-
-
-def times_found(number: int, mean: Floats, times: int) -> int:
-    """Return in how many of some recordings an ID is read."""
-    return sum(number in read_in(mean, seed) for seed in range(times))
-
-
-def read_in(mean: Floats, seed: int) -> set[int]:
-    """Return what is read in a recording of such signals."""
-    rng = np.random.default_rng(seed)
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * PERIOD_S * (np.arange(len(mean)) + 0.5)).astype(np.int64)
-    frames = recording_of(stamp_ns, np.maximum(signal, 0))
-    return {one.id for one in create_detector('joint', GRID).update_all(frames)}
+        assert read_in(mean, seed, middle_s) == {first, *numbers}

@@ -6,7 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness_core import GRID, LAW, NATS, PERIOD_S, Statistics, around, assert_agrees
+from harness_core import (
+    GRID,
+    LAW,
+    NATS,
+    ONE_ZONE,
+    PERIOD_S,
+    Statistics,
+    around,
+    assert_agrees,
+    light_at,
+    noisy,
+    sent,
+)
 from harness_frames import recording_of
 from oracle import Sending, Zone, evidence, light, margin, part_margin, sequence_margin, word
 
@@ -28,26 +40,18 @@ def random_markers(
 ) -> list[Sending]:
     """Show markers of all kinds to the core, on levels that wander, with samples that are missing.
 
-    Parameters
-    ----------
-    packets : int
-        How long they are seen after a silence.
-    repeats : bool, optional
-        Whether markers send more than one; some do if it is not given.
-    samples : int, optional
-        After so many, all are missing.
+    Some repeat, if it is not said whether they do; after so many `samples`, all are missing.
     """
     middle_s = np.arange(PERIOD_S / 2, SILENCE_S + (packets + 1) * PACKET_S, PERIOD_S)
     middle_s += np.clip(rng.standard_normal(len(middle_s)), -2, 2) * rng.uniform(0, 0.004)
     kept = rng.random(len(middle_s)) >= rng.choice([0.0, 0.1, 0.3])
-    stamp_ns = np.rint(middle_s[kept] * 1e9).astype(np.int64)
-    middle_s = stamp_ns * 1e-9
-    shape = (len(stamp_ns), GRID.zones)
+    middle_s = middle_s[kept]
+    shape = (len(middle_s), GRID.zones)
     sendings: list[Sending] = []
     signal = np.empty(shape)
     for zone in range(GRID.zones):
-        sending = Sending(
-            bits=packet(rng.choice(USABLE_IDS)).astype(np.float64),
+        sending = sent(
+            rng.choice(USABLE_IDS),
             repeats=bool(rng.random() < 0.5) if repeats is None else repeats,
             start_s=SILENCE_S + BIT_PERIOD_S * rng.uniform(-2, 2),
             bit_s=BIT_PERIOD_S * rng.uniform(0.98, 1.02),
@@ -56,13 +60,12 @@ def random_markers(
         bright = 10 ** rng.uniform(0.5, 3)
         walk = rng.choice([0.0, 0.02, 0.2]) * bright
         sway = 1 + rng.uniform(0, 0.5) * np.sin(rng.uniform(1, 8) * middle_s)
-        sent = light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-        mean = rng.choice([4.0, 40.0]) + bright * sway * sent
+        mean = rng.choice([4.0, 40.0]) + bright * sway * light_at(middle_s, sending)
         mean += np.cumsum(walk * rng.standard_normal(len(mean)))
         mean = np.maximum(mean, 0)
         noise = rng.choice([0.2, 1.0, 3.0]) * np.sqrt(LAW.variance(mean))
         signal[:, zone] = mean + noise * rng.standard_normal(len(mean))
-    recording = recording_of(stamp_ns, np.maximum(signal, 0))
+    recording = recording_of(middle_s, np.maximum(signal, 0))
     missing = rng.random(shape) < rng.choice([0.0, 0.05, 0.3], GRID.zones)
     recording.status[missing] = rng.choice([0, 4, Status.NO_TARGET], np.count_nonzero(missing))
     if samples is not None:
@@ -121,7 +124,7 @@ def test_word_and_margin_decided(core: Statistics, packets: int, repeats: bool) 
             start_s=sending.start_s - off * packets * PACKET_S / 2, bit_s=sending.bit_s * (1 + off)
         )
         others = rng.choice(USABLE_IDS, 3, replace=False)
-        rivals = [sending._replace(bits=packet(other).astype(np.float64)) for other in others]
+        rivals = [sending._replace(bits=sent(other, 0.0).bits) for other in others]
         to_s = sending.start_s + packets * PACKET_BITS * sending.bit_s + 0.02
         hits = [(id_of(sending), sending), *zip(others, rivals, strict=True)]
         verdict = core.decide(zone, packets, to_s, hits)
@@ -164,31 +167,23 @@ def test_a_train_may_be_given_by_any_of_its_packets(core: Statistics) -> None:
 
 ABOUT = 3.0
 """The same where the core does not try a rival exactly [nats]."""
-EXPOSURES = (PERIOD_S * np.arange(80), PERIOD_S * np.arange(1, 81))
+MIDDLE_S = PERIOD_S * np.arange(80)
+"""Times of the core count from the middle of the first exposure."""
 
 
 def take_lights(core: Statistics, rng: np.random.Generator, seen: Floats) -> None:
     """Let zone 0 see some light, of shape (80,), on a wall, and the others the wall."""
-    mean = 10 + 200 * seen[:, None] * (np.arange(GRID.zones) == 0)
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * (EXPOSURES[0] + PERIOD_S / 2)).astype(np.int64)
-    core.take(recording_of(stamp_ns, np.maximum(signal, 0)), LAW, BIT_PERIOD_S)
-
-
-def sent_since(number: int, start_s: float, *, repeats: bool = True) -> Sending:
-    """Return a packet; times of the core count from the middle of the first exposure."""
-    return Sending(packet(number).astype(np.float64), repeats, start_s, BIT_PERIOD_S)
+    mean = 10 + 200 * np.outer(seen, ONE_ZONE)
+    core.take(noisy(MIDDLE_S, mean, rng), LAW, BIT_PERIOD_S)
 
 
 def shown(sending: Sending) -> Floats:
-    """Return the light of the exposures of `take_lights`."""
-    start_s = sending.start_s + PERIOD_S / 2
-    return light(sending._replace(start_s=start_s), *EXPOSURES)
+    return light_at(MIDDLE_S, sending)
 
 
 def test_interferers_are_fitted_along(core: Statistics) -> None:
     rng = np.random.default_rng(40)
-    first, second = sent_since(2073, -0.31), sent_since(1234, -0.77)
+    first, second = sent(2073, -0.31, repeats=True), sent(1234, -0.77, repeats=True)
     take_lights(core, rng, shown(first) + 0.7 * shown(second))
     known = core.window.interference
     known.count = 1
@@ -218,7 +213,7 @@ def test_trains_of_a_phase_are_of_one_marker_if_they_do_not_overlap(
 ) -> None:
     known = core.ffi.new('struct rl_interference *', {'count': len(spans)})
     for train, span in zip(known.train, spans, strict=False):
-        train.transmission = core.given(sent_since(2073, 0.0))[0]
+        train.transmission = core.given(sent(2073, 0.0, repeats=True))[0]
         train.begin_s, train.end_s = (PACKET_S * edge for edge in span)
     core.lib.rl_interference_assign(known)
     assert list(known.marker)[: len(spans)] == markers
@@ -235,19 +230,16 @@ def one_of_four(
     take_lights(core, np.random.default_rng(seed), seen)
     _, rows = core.open(0.1, 0.1 + PACKET_S, 0)
     held = core.rows(0)
-    others: list[Floats] = [
-        packet(other).astype(np.float64) for other in NUMBERS if other != number
-    ]
+    others = [sent(other, 0.0).bits for other in NUMBERS if other != number]
     return [held.zone(LAW, rows)], held.begin_s[rows], others
 
 
 @pytest.mark.parametrize('bits', [11, 19])
 def test_two_packets_back_to_back_compete_with_one(core: Statistics, bits: int) -> None:
     end_s = 0.1 + bits * BIT_PERIOD_S
-    ended = sent_since(2073, end_s - PACKET_S, repeats=False)
-    begun = sent_since(1234, end_s, repeats=False)
+    ended, begun = sent(2073, end_s - PACKET_S), sent(1234, end_s)
     zones, _, others = one_of_four(core, bits, shown(ended) + shown(begun) - 1, 3000)
-    judged = sent_since(3000, 0.1)
+    judged = sent(3000, 0.1, repeats=True)
     cut, found, _ = core.margins(judged, 3000)
     assert found == pytest.approx(sequence_margin(zones, judged, cut.begin_s, others), abs=NATS)
     assert found < -20
@@ -257,11 +249,11 @@ def test_two_packets_back_to_back_compete_with_one(core: Statistics, bits: int) 
 def test_other_ids_of_what_appeared_compete(
     core: Statistics, start_s: float, seen_from: int
 ) -> None:
-    sent = sent_since(2073, start_s)
-    seen = np.where(np.arange(80) >= seen_from, shown(sent), 0.0)
+    appeared = sent(2073, start_s, repeats=True)
+    seen = np.where(np.arange(80) >= seen_from, shown(appeared), 0.0)
     zones, rows_s, others = one_of_four(core, seen_from, seen, 2073)
-    _, _, found = core.margins(sent, 2073)
-    wanted = part_margin(zones, sent, rows_s, others)
+    _, _, found = core.margins(appeared, 2073)
+    wanted = part_margin(zones, appeared, rows_s, others)
     # The core tries those few that are likeliest by what single bits do.
     assert wanted - ABOUT < found < max(wanted, 0.0) + 2 * ABOUT
     assert found < 25
@@ -270,19 +262,17 @@ def test_other_ids_of_what_appeared_compete(
 @pytest.mark.parametrize('late_s', [0.0, 0.1, 0.2])
 def test_a_lone_packet_is_not_taken_for_one_that_repeats(core: Statistics, late_s: float) -> None:
     core.start_codebook()
-    repeating = sent_since(2073, 0.1)
+    hits = [(2073, sent(2073, 0.1, repeats=True))]
     for repeats, reason in ((True, core.lib.RL_READ), (False, core.lib.RL_INCOMPLETE)):
-        sent = repeating._replace(repeats=repeats)
-        take_lights(core, np.random.default_rng(0), shown(sent))
-        hits = [(2073, repeating)]
+        take_lights(core, np.random.default_rng(0), shown(sent(2073, 0.1, repeats=repeats)))
         assert core.decide(0, 1, 0.1 + PACKET_S + late_s, hits).reason == reason
 
 
 @pytest.mark.parametrize('late_s', [0.1, 0.2])
 def test_a_packet_after_one_of_another_id_has_not_repeated(core: Statistics, late_s: float) -> None:
     core.start_codebook()
-    before, after = sent_since(2073, -0.8), sent_since(1234, 0.5)
-    seen = np.where(EXPOSURES[1] < 0.5, shown(before), shown(after))
+    before, after = sent(2073, -0.8, repeats=True), sent(1234, 0.5, repeats=True)
+    seen = np.where(MIDDLE_S + PERIOD_S < 0.5, shown(before), shown(after))
     take_lights(core, np.random.default_rng(0), seen)
     # Hits begin before their stretch.
     hit = after._replace(start_s=after.start_s - PACKET_S)

@@ -1,9 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What parts of the decision buy: each test fails without the parts that it names.
-
-Rooms are seeded, and what is asked for lies between what is read with a part and without it.
-"""
+"""What parts of the decision buy: each test fails without the parts that it names."""
 
 from collections.abc import Callable
 
@@ -42,11 +39,7 @@ def played(make: Callable[[np.random.Generator], Room], part: int, rooms: int) -
     ],
 )
 def test_two_in_a_zone_are_read(ratio: float, sendings: tuple[str, str], least: float) -> None:
-    """By interferers, packets that follow, pairs and the search of the residual.
-
-    Where both send ever other IDs, also by stretches that are judged as lone packets, and packets
-    of a marker as one.
-    """
+    """By interferers, pairs and residuals; of ever other IDs by stretches and packets as one."""
     read, wrong = played(lambda rng: room_families.pair(ratio, sendings, rng), 15, 4)
     assert read >= least
     assert wrong == 0
@@ -126,10 +119,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
     ],
 )
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
-    """By what each room is named for: without it, some are lost that are read with it.
-
-    That of residuals beside also by what a marker must explain before it is subtracted.
-    """
+    """By what each room is named for: without it, some are lost that are read with it."""
     scored = play(number, seed).scored
     assert sum(whole(scored)) >= min_read
     assert scored.wrong == []
@@ -152,11 +142,7 @@ def test_bits_of_another_period_are_no_packets() -> None:
 def test_ids_are_read_before_their_packets_are_whole(
     registered: int | None, half_s: float, most_s: float
 ) -> None:
-    """Half of them by `half_s`, nine tenths by `most_s`.
-
-    By the search of what has appeared, less the sample in which it does, with each bit, from any
-    start, and by the energy of the bits that were seen.
-    """
+    """By the search of what has appeared, less the first sample, with each bit, from any start."""
     first_s = []
     for number in range(20):
         rng = np.random.default_rng([79, 2, number])

@@ -1,10 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Small versions of what the project claims of method `joint`.
-
-The experiments measure the same with hundreds of trials. Here seeds are fixed, and what is asked
-for lies some standard deviations below what they find, so a failure is a fault.
-"""
+"""What the project claims of `joint`, in few trials of fixed seeds: a failure is a fault."""
 
 import os
 from collections.abc import Callable, Iterator

@@ -4,17 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness_core import LAW, PERIOD_S
-from harness_frames import recording_of
+from harness_core import PERIOD_S, light_at, noisy, sent
 from hypothesis import given
 from hypothesis import strategies as st
-from oracle import Sending, light
 
 from retrolidar_ros.core import array, ffi, lib
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.detection import Bearing, place, zone_bearing
 from retrolidar_ros.detector.likelihood_detector import core_sensor
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX
@@ -305,21 +303,18 @@ def placed_in(zones: dict[int, float], crosses: bool = False, seed: int = 9) -> 
 
     One that crosses goes from the first of two zones to the second.
     """
-    middle_s = np.arange(PERIOD_S / 2, 1.6 * PACKET_BITS * BIT_PERIOD_S, PERIOD_S)
-    sending = Sending(packet(2073).astype(np.float64), False, 0.5, BIT_PERIOD_S)
-    sent = 60 * light(sending, middle_s - PERIOD_S / 2, middle_s + PERIOD_S / 2)
-    gone = np.clip((middle_s - 0.5) / (PACKET_BITS * BIT_PERIOD_S), 0, 1)
-    mean = np.full((len(sent), GRIDS[0].zones), 10.0)
+    middle_s = np.arange(PERIOD_S / 2, 1.6 * PACKET_S, PERIOD_S)
+    light = 60 * light_at(middle_s, sent(2073, 0.5))
+    gone = np.clip((middle_s - 0.5) / PACKET_S, 0, 1)
+    mean = np.full((len(light), GRIDS[0].zones), 10.0)
     distance = np.full(mean.shape, 1.5)
     for index, (zone, depth_m) in enumerate(zones.items()):
-        seen = sent * ((1 - gone, gone)[index] if crosses else 1)
+        seen = light * ((1 - gone, gone)[index] if crosses else 1)
         distance[:, zone] = (10 * 1.5 + seen * depth_m) / (10 + seen)
         mean[:, zone] += seen
     rng = np.random.default_rng(seed)
-    signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
     distance += 0.49 / mean * rng.standard_normal(mean.shape)
-    stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
-    recording = recording_of(stamp_ns, np.maximum(signal, 0), distance)
+    recording = noisy(middle_s, mean, rng, distance)
     (detection,) = create_detector('joint', GRIDS[0]).update_all(recording)
     return detection
 
@@ -346,28 +341,20 @@ def test_a_reflection_in_a_far_zone_is_no_part_of_a_place() -> None:
 
 def test_a_stronger_marker_beside_does_not_shift_the_range() -> None:
     """It is read in zone 5 only, but some of its light falls into zone 6, where this one is."""
-    middle_s = np.arange(PERIOD_S / 2, 4 * PACKET_BITS * BIT_PERIOD_S, PERIOD_S)
+    middle_s = np.arange(PERIOD_S / 2, 4 * PACKET_S, PERIOD_S)
+    strong = light_at(middle_s, sent(2073, 0.3, repeats=True))
+    weak = light_at(middle_s, sent(628, 0.5, repeats=True, bit_s=0.0421))
+    mean = np.full((len(middle_s), GRIDS[0].zones), 5.0)
+    mean[:, 5] += 1000 * strong
+    mean[:, 6] += 50 * strong + 100 * weak
+    depth_m = np.full(mean.shape, 1.8)
+    depth_m[:, 5] = (5 * 1.8 + 1000 * strong * 1.3) / mean[:, 5]
+    depth_m[:, 6] = (5 * 1.8 + 50 * strong * 1.3 + 100 * weak * 1.7) / mean[:, 6]
     scores = []
     for seed in range(5):
-        strong, weak = (
-            light(
-                Sending(packet(number).astype(np.float64), True, start_s, bit_s),
-                middle_s - PERIOD_S / 2,
-                middle_s + PERIOD_S / 2,
-            )
-            for number, start_s, bit_s in ((2073, 0.3, BIT_PERIOD_S), (628, 0.5, 0.0421))
-        )
-        mean = np.full((len(middle_s), GRIDS[0].zones), 5.0)
-        mean[:, 5] += 1000 * strong
-        mean[:, 6] += 50 * strong + 100 * weak
-        distance = np.full(mean.shape, 1.8)
-        distance[:, 5] = (5 * 1.8 + 1000 * strong * 1.3) / mean[:, 5]
-        distance[:, 6] = (5 * 1.8 + 50 * strong * 1.3 + 100 * weak * 1.7) / mean[:, 6]
         rng = np.random.default_rng(seed)
-        signal = mean + np.sqrt(LAW.variance(mean)) * rng.standard_normal(mean.shape)
-        distance += 0.49 / mean * rng.standard_normal(mean.shape)
-        stamp_ns = np.rint(1e9 * middle_s).astype(np.int64)
-        recording = recording_of(stamp_ns, np.maximum(signal, 0), distance)
+        measured_m = depth_m + 0.49 / mean * rng.standard_normal(mean.shape)
+        recording = noisy(middle_s, mean, rng, measured_m)
         for one in create_detector('joint', GRIDS[0]).update_all(recording):
             assert one.zones == ((5,) if one.id == 2073 else (6,))
             if one.id == 628:

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tutorial does what it says: what it tells its reader is done, and the output compared.
 
-``bash`` blocks run in order in one shell. A ``python`` or ``yaml`` block after a line with "Save as
-`NAME`:" is written to that file. A ``text`` block after a ``bash`` block is its output, in which
-"…" stands for any text of a line, and a line of "…" for any lines. A ``console`` block is not run.
+``bash`` blocks run in one shell; ``python`` and ``yaml`` blocks are saved as the line before says;
+a ``text`` block is the output, with "…" for any text or lines; a ``console`` block is not run.
 """
 
 import os

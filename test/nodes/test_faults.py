@@ -84,7 +84,12 @@ def test_markers_are_read_and_placed(chain: Chain) -> None:
     assert (first.level, first.message) == (WARN, 'no frame has come yet')
     check_frames(system, sensor, FRAME_ID)
     check_detections(system, SCENE, FRAME_ID)
-    system.wait_for_status(DRIVER, OK, 'frames a second')
+    status = system.wait_for_status(DRIVER, OK, 'frames a second')
+    # This sensor knows no commands.
+    assert (status.hardware_id, 'firmware' in values_of(status)) == (str(system.port), False)
+    answer = system.services.trigger('driver/stop')
+    assert not answer.success
+    assert answer.message.startswith('no answer to stop: flash a firmware')
     values = values_of(system.wait_for_status(DETECTOR, OK, 'packets accepted'))
     assert values['method'] == 'joint'
     assert int(values['frames']) > 20
@@ -119,25 +124,18 @@ def test_transforms_go_out_before_what_they_belong_to(chain: Chain) -> None:
 
 
 def test_a_heartbeat_is_of_the_last_frame_that_was_judged(chain: Chain) -> None:
-    system, sensor = chain.system, chain.sensor
+    system = chain.system
     system.wait_for_frames(len(system.frames))
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         system.wait(lambda: len(beats) > 5, 'heartbeats')
-        stamps = [to_ns(beat.stamp) for beat in beats]
-        assert stamps == sorted(set(stamps))
-        assert {beat.frame_id for beat in beats} == {FRAME_ID}
-        # Of two topics, either message may be heard first.
-        system.wait(
-            lambda: set(stamps) <= {to_ns(message.header.stamp) for message, _ in system.frames},
-            'the frames of heartbeats',
-        )
-        sensor.pull()
-        system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
-        silent = len(beats)
-        system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
-        assert len(beats) == silent
-        sensor.plug()
-        system.wait(lambda: len(beats) > silent, 'a heartbeat')
+    stamps = [to_ns(beat.stamp) for beat in beats]
+    assert stamps == sorted(set(stamps))
+    assert {beat.frame_id for beat in beats} == {FRAME_ID}
+    # Of two topics, either message may be heard first.
+    system.wait(
+        lambda: set(stamps) <= {to_ns(message.header.stamp) for message, _ in system.frames},
+        'the frames of heartbeats',
+    )
 
 
 def test_frames_that_a_driver_does_not_send_are_not_lost(chain: Chain) -> None:
@@ -197,7 +195,10 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     chain.sensor.pull()
     in_the_cable = max(chain.sensor.middle_ns)
     before = len(system.statuses[DRIVER])
-    system.pass_time(3.5)
+    system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
+    with system.subscribed(Header, 'detector/heartbeat') as beats:
+        system.pass_time(2.5)
+    assert not beats
     assert len(system.frames) - frames < 80
     levels = [status.level for status in system.statuses[DRIVER][before + 1 :]]
     assert levels.count(ERROR) >= 2
@@ -257,22 +258,6 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
     system.read_all()  # even then
     sensor.corrupt_share = 0.0
     system.wait_for_status(DRIVER, OK, 'frames a second')
-
-
-def test_half_of_the_frames_lost_are_counted_and_cost_time(chain: Chain) -> None:
-    system = chain.system
-    lost = system.number(DRIVER, 'lost frames')
-    first = chain.sequences()[-1] + 1
-    chain.sensor.lost_share = 0.5
-    system.read_all()  # more packets are needed, but all markers are still read
-    system.wait(lambda: chain.sequences()[-1] > first + 150, 'frames')
-    chain.sensor.lost_share = 0.0
-    last = max(chain.sensor.middle_ns) + 5
-    system.wait(lambda: chain.sequences()[-1] > last, 'frames')
-    chain.expect_all(first)
-    gone = chain.sequences()[-1] - first + 1 - len([s for s in chain.sequences() if s >= first])
-    assert gone > 40
-    assert system.number(DRIVER, 'lost frames') - lost >= gone
 
 
 def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:

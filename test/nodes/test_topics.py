@@ -34,7 +34,6 @@ from retrolidar_ros.nodes.conversion import (
     to_signal_image,
     vector_of,
 )
-from retrolidar_ros.scene.description import Scene
 from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame, valid_samples
 from retrolidar_ros.sensor.model import Status
@@ -45,15 +44,6 @@ MARKER_FILE = 'markers: {2073: {frame: beans}, 2096: {frame: machine}, 2127: {fr
 NAMES = {2073: 'beans', 2096: 'machine', 2107: 'marker_2107'}
 READ = {'/topics': set(NAMES), '/left': {2073, 2096}, '/mute': {2096, 2107}}
 """What is read in each namespace."""
-
-
-def scene_with_dark_zones() -> Scene:
-    """Return a scene in some of whose zones there is nothing."""
-    scene = load_scene('coffee')
-    wall = scene.surfaces[-1]
-    assert wall.zones is not None
-    seen = tuple(zone for zone in wall.zones if zone not in DARK_ZONES)
-    return replace(scene, surfaces=(*scene.surfaces[:-1], replace(wall, zones=seen)))
 
 
 @dataclass
@@ -75,10 +65,11 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
     known = directory / 'markers.yaml'
     known.write_text(MARKER_FILE)
     frames = ('-r', 'frames:=/topics/frames')
-    with (
-        running(directory, '/topics') as system,
-        Sensor(scene_with_dark_zones(), system.port) as sensor,
-    ):
+    scene = load_scene('coffee')
+    *others, wall = scene.surfaces
+    lit = tuple(zone for zone in wall.zones or () if zone not in DARK_ZONES)
+    scene = replace(scene, surfaces=(*others, replace(wall, zones=lit)))
+    with running(directory, '/topics') as system, Sensor(scene, system.port) as sensor:
         readings: dict[str, list[MarkerDetection]] = {namespace: [] for namespace in READ}
         for namespace, found in readings.items():
             topic = f'{namespace}/markers'

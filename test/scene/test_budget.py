@@ -85,7 +85,6 @@ def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
     assert 'wakes at no distance' in output
 
 
-RANGES_M = st.floats(0.1, 20)
 ANGLES_RAD = st.floats(0, LARGEST_ANGLE_RAD)
 NOISES_V = st.sampled_from(sorted(NOISE_V.values()))
 

@@ -36,10 +36,8 @@ both_grids = pytest.mark.parametrize('grid', GRIDS, ids=['4x4', '8x8'])
 )
 def test_zone_centres_are_those_of_the_sensor(grid: ZoneGrid, centres_deg: list[float]) -> None:
     angles_deg = np.rad2deg(np.arctan(grid.tangents)).reshape(grid.rows, grid.columns, 2)
-    for row in range(grid.rows):
-        np.testing.assert_allclose(angles_deg[row, :, 0], centres_deg, atol=0.006)
-    for column in range(grid.columns):
-        np.testing.assert_allclose(angles_deg[:, column, 1], centres_deg, atol=0.006)
+    across, down = np.meshgrid(centres_deg, centres_deg)
+    np.testing.assert_allclose(angles_deg, np.stack([across, down], axis=-1), atol=0.006)
     edge = grid.tangents.max() + grid.pitch / 2
     assert 2 * np.rad2deg(np.arctan(edge)) == pytest.approx(46.5, abs=0.05)
     assert 2 * np.rad2deg(np.arctan(np.sqrt(2) * edge)) == pytest.approx(62.6, abs=0.1)

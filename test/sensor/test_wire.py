@@ -122,13 +122,13 @@ def test_the_written_packet_follows_the_protocol_is_read_and_is_written(pypi_cob
     assert frame.grid == ZoneGrid(4, 4)
     assert {frame.distance.dtype, frame.signal.dtype, frame.ambient.dtype} == {np.dtype('f4')}
     assert frame.status.dtype == np.uint8
-    for place, number in enumerate([3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12]):
-        distance, signal, ambient, status = ZONES[number]
-        expected = np.nan if status == 255 else np.float32(distance / 4000)
-        np.testing.assert_equal(frame.distance[place], expected)
-        assert frame.signal[place] == signal / 2048
-        assert frame.ambient[place] == ambient / 2048
-        assert frame.status[place] == status
+    places = [3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12]
+    distance, signal, ambient, status = np.array(ZONES)[places].T
+    expected = np.where(status == 255, np.nan, distance / 4000).astype(np.float32)
+    np.testing.assert_array_equal(frame.distance, expected)
+    np.testing.assert_array_equal(frame.signal, signal / 2048)
+    np.testing.assert_array_equal(frame.ambient, ambient / 2048)
+    np.testing.assert_array_equal(frame.status, status)
     assert encode_frame(frame) == PACKET
 
 
