@@ -224,8 +224,9 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
             continue;
         }
         *other = decide(detector, channel, packets, hit, hits, &again, to_s);
-        const double margin = margin_of_pair(detector, &again, other, to_s);
-        if (other->reason == RL_READ && margin >= detector->settings.thresholds.margin) {
+        const double margin =
+            other->reason == RL_READ ? margin_of_pair(detector, &again, other, to_s) : 0.0;
+        if (margin >= detector->settings.thresholds.margin) {
             *one = again;
             one->margin = fmin(one->margin, margin);
             other->margin = fmin(other->margin, margin);

@@ -84,7 +84,7 @@ PARTS = {
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
     'pairs of packets: others of the same sum': Part(
-        'judge', 'margin = margin_of_pair(', 'margin = RL_MAX_MARGIN + 0.0 * margin_of_pair('
+        'judge', '? margin_of_pair(', '? RL_MAX_MARGIN + 0.0 * margin_of_pair('
     ),
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
