@@ -149,6 +149,30 @@ static double refine_pair(struct rl_detector *detector, struct rl_verdict one,
     return likelihood;
 }
 
+/* Make a packet that repeats a lone one, the last that began in its window. */
+static void make_lone(struct rl_verdict *verdict)
+{
+    struct rl_transmission *transmission = &verdict->transmission;
+    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
+    if (transmission->repeats) {
+        const double packets = (verdict->end_s - transmission->start_s) / packet_s;
+        transmission->start_s += packet_s * floor(packets);
+        transmission->repeats = false;
+    }
+}
+
+/* Whether two packets that repeat may be lone ones of which the last bits are still to come. */
+static bool may_be_incomplete(struct rl_detector *detector, struct rl_verdict one,
+                              struct rl_verdict other, double own, double to_s)
+{
+    if (!one.transmission.repeats && !other.transmission.repeats) {
+        return false;
+    }
+    make_lone(&one);
+    make_lone(&other);
+    return refine_pair(detector, one, other, to_s) > own - RL_AS_GOOD;
+}
+
 static bool is_packet(const struct rl_codebook *codebook, uint32_t bits)
 {
     int word = 0;
@@ -172,6 +196,9 @@ static double margin_of_pair(struct rl_detector *detector, const struct rl_verdi
         return margin;
     }
     const double own = refine_pair(detector, *one, *other, to_s);
+    if (may_be_incomplete(detector, *one, *other, own, to_s)) {
+        return 0.0;
+    }
     struct rl_verdict first = *one, second = *other;
     struct rl_transmission *const sent[2] = {&first.transmission, &second.transmission};
     /* Others are refined from a common clock. */

@@ -86,6 +86,9 @@ PARTS = {
     'pairs of packets: others of the same sum': Part(
         'judge', '? margin_of_pair(', '? RL_MAX_MARGIN + 0.0 * margin_of_pair('
     ),
+    'pairs of packets: whole ones only': Part(
+        'judge', 'if (may_be_incomplete(', 'if (false && may_be_incomplete('
+    ),
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
     ),

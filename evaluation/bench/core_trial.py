@@ -105,7 +105,14 @@ def measure(seed: int, times: float) -> dict[str, Any]:
             silent.append(Outcome(0, 0, len(detector.update_all(block))))
     played = [play(number, seed) for number in range(max(1, round(_ROOMS * times)))]
     kinds = product(_SENDINGS, _RATIOS)
-    pairs = rooms(10, _PAIRS, [partial(families.pair, ratio, kind) for kind, ratio in kinds])
+    pairs = rooms(
+        10,
+        _PAIRS,
+        [
+            partial(families.pair, ratio, kind, woken=index % 2 == 1)
+            for index, (kind, ratio) in enumerate(kinds)
+        ],
+    )
     speeds = [partial(families.crossing, speed, 20.0) for speed in _SPEEDS_M_S]
     places = [_placed(result) for result in (*played, *pairs)]
     return {

@@ -17,7 +17,7 @@ from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
-_CLOCK_ERROR = 0.01
+_CLOCK_ERROR, _QUARTZ_ERROR = 0.01, 1e-4
 _BEHIND_M = 0.05  # how far behind the farthest marker the wall is
 _APPEARS_S, _WATCHED_S = 3.0, 4.0
 _TEN = 10
@@ -30,8 +30,8 @@ def _room(duration_s: float, *markers: RoomMarker) -> Room:
     return Room(scene, BIT_PERIOD_S, markers)
 
 
-def _bit_s(rng: np.random.Generator) -> float:
-    return float(BIT_PERIOD_S * (1 + rng.uniform(-_CLOCK_ERROR, _CLOCK_ERROR)))
+def _bit_s(rng: np.random.Generator, error: float = _CLOCK_ERROR) -> float:
+    return float(BIT_PERIOD_S * (1 + rng.uniform(-error, error)))
 
 
 def _begun_s(rng: np.random.Generator) -> float:
@@ -88,14 +88,22 @@ def appearing(signal: float, rng: np.random.Generator) -> Room:
     return _room(until_s, marker)
 
 
-def pair(ratio: float, sendings: tuple[str, str], rng: np.random.Generator) -> Room:
-    """Return two markers in a zone, one of which has a share of the other's light."""
+def pair(
+    ratio: float, sendings: tuple[str, str], rng: np.random.Generator, *, woken: bool = False
+) -> Room:
+    """Return two markers in a zone, one of which has a share of the other's light.
+
+    Markers that are woken begin to send at once, by quartz clocks.
+    """
     zone, signal = int(rng.integers(SENSOR.grid.zones)), signal_at(1.3)
     duration_s = 12 * PACKET_S
+    woken_s = PACKET_S * (1 + rng.random()) if woken else 0.0
     markers = []
     for sending, share in zip(sendings, (1.0, ratio), strict=True):
         course = Course('still', _anywhere(zone, range_of(share * signal), rng))
-        markers.append(room_marker(sending, course, _bit_s(rng), _begun_s(rng), duration_s, rng))
+        bit_s = _bit_s(rng, _QUARTZ_ERROR) if woken else _bit_s(rng)
+        begin_s = woken_s if woken else _begun_s(rng)
+        markers.append(room_marker(sending, course, bit_s, begin_s, duration_s, rng))
     return _room(duration_s, *markers)
 
 
