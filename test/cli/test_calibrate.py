@@ -119,10 +119,13 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
     [
         ('/**/detector: {ros__parameters: {bitperiod: 1}}', 'bitperiod: no such parameter'),
         ('/**/detector: {ros__parameters: {bit_period: x}}', "'x' is not of type float"),
+        ('/**/detector: {ros__parameters: {bit_period: 99.0}}', '99.0 is not within 0.002 to 10'),
         ('/**/detector: {bit_period: 1}', 'has no ros__parameters'),
         ('[]', 'is no parameter file'),
+        ('# ros__parameters', 'is no parameter file'),
         ('{markers: {id: 1}}', 'is no parameter file'),
         ('/**/detector: {ros__parameters: [1]}', 'ros__parameters are no names with values'),
+        ('/**/detector: {ros__parameters: {1: 2}}', '1: no such parameter'),
         ('/**/driver: {ros__parameters: {}}', 'no section is for a detector; call it /**/detector'),
         (
             '/**/detecter: {ros__parameters: {}}',

@@ -106,6 +106,7 @@ def test_a_damaged_bag_is_used_up_to_the_damage(bag: Path, tmp_path: Path, capsy
         ('decode BAG --params no.yaml', 'no.yaml cannot be read: No such file or directory'),
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
         ('calibrate BAG -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
+        ('emulate nowhere', '.*no scene nowhere'),
         ('emulate coffee', 'emulate needs --port-link .* see retrolidar emulate --help'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),
@@ -152,6 +153,8 @@ def test_versions_scenes_and_units(bag: Path, capsys: Output) -> None:
     assert main(['emulate']) == 0
     scenes = capsys.readouterr().out
     assert [line.split()[0] for line in scenes.splitlines()] == ['arm', 'coffee', 'drone', 'range']
+    assert main(['emulate', 'coffee']) == 2
+    assert 'emulate needs --port-link PATH or --bag DIR' in capsys.readouterr().err
     assert decoded(capsys, bag, '--bit-period', '42 ms', '--range-offset', '1mm') == decoded(
         capsys, bag, '--bit-period', '0.042', '--range-offset', '0.001'
     )

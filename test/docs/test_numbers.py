@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The numbers of search, decision and placement: their table in docs/detector.md against core/src.
 
-Run as a script, it writes all anew from the sources, but for units and origins of new numbers.
+Run as a script, it writes names, files, values and counts anew from the sources. Units and origins
+stay; those of a number that is new, and not one renamed, are to be written by hand.
 """
 
 import re
@@ -59,18 +60,24 @@ def written(page: str) -> str:
     """Return a page with the table, and the counts before it, as the sources have them."""
     before, header, after = page.partition(HEADER)
     old, _, rest = after.partition('\n\n')
-    cells = [line[1:-1].split('|') for line in old.splitlines()]
-    by_hand = {(name, file): others for name, file, _, *others in cells}
-    table = [
-        (f'`{name}`', file, f'`{value}`', *by_hand.get((f'`{name}`', file), ('', '')))
-        for name, file, value in constants()
-    ]
-    origins = Counter(origin for *_, origin in table)
+    numbers = [(f'`{name}`', file, f'`{value}`') for name, file, value in constants()]
+    present = {(name, file) for name, file, _ in numbers}
+    known, renamed = {}, {}
+    for line in old.splitlines():
+        name, file, value, *written_by_hand = line[1:-1].split('|')
+        known[name, file] = written_by_hand
+        if (name, file) not in present:
+            renamed[file, value] = written_by_hand
+    lines, origins = [], Counter[str]()
+    for name, file, value in numbers:
+        unit, origin = known.get((name, file)) or renamed.get((file, value)) or ('', '')
+        lines.append(f'|{name}|{file}|{value}|{unit}|{origin}|\n')
+        origins[origin] += 1
     besides = ' and '.join(f'{origins.pop(one)} of {one}' for one in ('maths', 'layout'))
     counts = ', '.join(f'{count} {origin}' for origin, count in origins.most_common())
     counted = f'{origins.total()} numbers decide: {counts}; besides, there are {besides}.'
     before = re.sub(r'\n\d+ numbers decide: .*\n', f'\n{counted}\n', before)
-    return before + header + ''.join(f'|{"|".join(row)}|\n' for row in table) + '\n' + rest
+    return before + header + ''.join(lines) + '\n' + rest
 
 
 def test_the_table_is_that_of_the_sources() -> None:

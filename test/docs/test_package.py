@@ -6,7 +6,9 @@ import json
 import re
 import runpy
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -38,17 +40,27 @@ def test_one_line_sets_all_addresses_of_the_package(tmp_path: Path) -> None:
 
 def test_what_the_workflow_runs_is_there() -> None:
     jobs = load_yaml(ROOT / '.github/workflows/ros.yaml')['jobs']
+    assert set(jobs) == {'colcon', 'lint', 'sanitizers', 'docker'}
+    rows = jobs['colcon']['strategy']['matrix']['include']
+    assert {row['distro'] for row in rows} == {'humble', 'jazzy', 'kilted', 'lyrical'}
     lines = [step['run'] for job in jobs.values() for step in job['steps'] if 'run' in step]
     paths = re.findall(rf'(?<![\w/])(?:{FOLDERS})/\S+', '\n'.join(lines))
     assert {'embedded/run', 'test/firmware'} <= {*paths}
     for path in paths:
         assert path.startswith('install/') or (ROOT / path).exists(), path
+    targets = re.findall(r'^make (\w+)$', '\n'.join(lines), re.M)
+    assert set(targets) == {'lint', 'build'}
 
 
-def test_the_commands_of_the_image_can_be_parsed() -> None:
+def test_the_image_is_built_of_ros_alone_and_its_commands_can_be_parsed() -> None:
     text = (ROOT / 'Dockerfile').read_text().replace('\\\n', '')
-    (commands,) = re.findall(r'^RUN (.+)$', text, re.M)
-    subprocess.run(['bash', '-n', '-c', commands], check=True)
+    steps = dict(re.findall(r'^([A-Z]+) (.+)$', text, re.M))
+    assert steps['FROM'] == 'ros:jazzy'
+    subprocess.run(['bash', '-n', '-c', steps['RUN']], check=True)
+    source, target = steps['COPY'].split()
+    assert (source, target) == ('.', 'src/retrolidar_ros')
+    ignored = (ROOT / '.dockerignore').read_text().split()
+    assert {'.venv', 'build', 'install', 'log'} <= {*ignored}
 
 
 IMAGES = ROOT / 'docs' / 'images'
@@ -61,41 +73,70 @@ def test_a_drawing_is_that_of_its_script(name: str) -> None:
     assert module['drawing']() == (IMAGES / f'{name}.svg').read_text(encoding='utf-8')
 
 
-def pins_of(sketch: str) -> set[str]:
-    source = (FIRMWARE / sketch / f'{sketch}.ino').read_text(encoding='utf-8')
-    return set(re.findall(r'_PIN = (\w+)', source))
-
-
 @pytest.mark.parametrize('sketch', ['reader', 'marker'])
 def test_a_drawing_names_the_pins_of_its_sketch(sketch: str) -> None:
+    source = (FIRMWARE / sketch / f'{sketch}.ino').read_text(encoding='utf-8')
     drawing = (IMAGES / f'hardware_{sketch}.svg').read_text(encoding='utf-8')
-    assert pins_of(sketch) <= set(re.findall(r'>(\w+)', drawing))
+    pins = re.findall(r'_PIN = (\w+)', source)
+    assert pins
+    for pin in pins:
+        assert re.search(rf'>{pin}\b', drawing), pin
 
 
 def test_the_schematic_has_the_pins_of_the_sketch_and_the_parts_of_the_bill() -> None:
+    source = (FIRMWARE / 'marker' / 'marker.ino').read_text(encoding='utf-8')
     page = (ROOT / 'docs' / 'hardware.md').read_text(encoding='utf-8')
     drawing = (IMAGES / 'hardware_schematic.svg').read_text(encoding='utf-8')
-    assert set(re.findall(r'class="pin">(\w+)<', drawing)) == {*pins_of('marker'), '5V'}
     drawn = set(re.findall(r'class="n">([A-Z]+\d+)[AB]?<', drawing))
     bill = page.partition('images/hardware_schematic.svg')[2].partition('\n\nA marker')[0]
     assert drawn == set(re.findall(r'\b((?:R|C|U|PD|CR|P)\d+)\b', bill))
+    pins = {*re.findall(r'_PIN = (\w+)', source), '5V'}
+    assert set(re.findall(r'class="pin">(\w+)<', drawing)) == pins
+    for part in ('74AHCT125', 'BPW34 FA', 'OPA320', 'SMS7630', 'TLV7031'):
+        assert part in drawing
+        assert part in bill
 
 
 RVIZ = load_yaml(shared_file('config/retrolidar.rviz'))['Visualization Manager']
 DISPLAYS = {one['Class'].removeprefix('rviz_default_plugins/'): one for one in RVIZ['Displays']}
-FOXGLOVE = shared_file('config/foxglove.json').read_text(encoding='utf-8')
-PANELS = {key.partition('!')[0]: one for key, one in json.loads(FOXGLOVE)['configById'].items()}
-REFERENCE = (ROOT / 'docs' / 'reference.md').read_text(encoding='utf-8')
-TYPES = dict(re.findall(r'^\| `(/\S+)` \| \W*(?:\w+/)?(\w+)', REFERENCE, re.M))
-"""By topic."""
+FOXGLOVE = json.loads(shared_file('config/foxglove.json').read_text(encoding='utf-8'))
+PANELS = {key.partition('!')[0]: panel for key, panel in FOXGLOVE['configById'].items()}
+
+TYPES = {
+    '/tf': 'TFMessage',
+    '/diagnostics': 'DiagnosticArray',
+    '/retrolidar/markers': 'MarkerDetection',
+    '/retrolidar/points': 'PointCloud2',
+    '/retrolidar/marker_array': 'MarkerArray',
+    '/retrolidar/signal_image': 'Image',
+}
 
 
-def test_viewers_are_given_topics_of_the_reference() -> None:
-    rviz = shared_file('config/retrolidar.rviz').read_text(encoding='utf-8')
-    for content in (rviz, FOXGLOVE):
-        topics = set(re.findall(r'[\s"](/[a-z][\w/]*)', content))
-        assert topics
-        assert topics <= TYPES.keys()
+def strings(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            yield from strings(key)
+            yield from strings(one)
+    elif isinstance(value, list):
+        for one in value:
+            yield from strings(one)
+
+
+def topics(content: Any) -> set[str]:
+    return {text.partition('.')[0] for text in strings(content) if re.match(r'/[a-z]', text)}
+
+
+@pytest.mark.parametrize('content', [RVIZ, FOXGLOVE], ids=['rviz', 'foxglove'])
+def test_the_topics_are_those_of_the_reference(content: Any) -> None:
+    reference = (ROOT / 'docs' / 'reference.md').read_text(encoding='utf-8')
+    known = dict(re.findall(r'^\| `(/\S+)` \| ([^|]+) \|', reference, re.M))
+    named = topics(content)
+    assert named
+    for topic in named:
+        assert topic in known, f'{topic} is not in the table of topics'
+        assert re.search(rf'\b{TYPES[topic]}\b', known[topic]), f'{topic} is a {known[topic]}'
 
 
 def test_each_display_shows_topics_of_its_type() -> None:
@@ -126,11 +167,15 @@ OPTICAL = np.transpose([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
 
 def test_the_optical_frame_looks_along_the_x_of_its_link() -> None:
     """REP 103: what is ahead of the sensor is at z of the optical frame, its right at x."""
-    text = shared_file('urdf/retrolidar.urdf.xacro').read_text(encoding='utf-8')
-    (joint,) = re.findall(r'<joint name="\$\{name\}_optical_joint".*?</joint>', text, re.S)
-    assert re.findall(r'link="(.+)"', joint) == ['${name}_link', '${name}_optical_frame']
-    (angles,) = re.findall(r'rpy="(.+)"', joint)
-    np.testing.assert_allclose(rotation(*map(float, angles.split())), OPTICAL, atol=1e-9)
+    robot = ElementTree.parse(shared_file('urdf/retrolidar.urdf.xacro')).getroot()
+    (joint,) = (j for j in robot.iter('joint') if j.get('name') == '${name}_optical_joint')
+    origin, parent, child = (joint.find(tag) for tag in ('origin', 'parent', 'child'))
+    assert origin is not None
+    assert parent is not None
+    assert child is not None
+    assert (parent.get('link'), child.get('link')) == ('${name}_link', '${name}_optical_frame')
+    turn = rotation(*map(float, str(origin.get('rpy')).split()))
+    np.testing.assert_allclose(turn, OPTICAL, atol=1e-9)
 
 
 def test_the_documented_mounting_looks_ahead() -> None:

@@ -11,12 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.bench.recordings import record
-from evaluation.bench.room_markers import FOREIGN, MOTIONS, SENDINGS, Course, room_marker
+from evaluation.bench.disturbances import BLOCK_FRAMES, FAMILY, Member
+from evaluation.bench.judging import BOTH
+from evaluation.bench.recordings import SILENCE_BITS, record
+from evaluation.bench.room_markers import (
+    FOREIGN,
+    MOTIONS,
+    SENDINGS,
+    Course,
+    room_marker,
+)
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import COMPANY, SIGNALS, Scored, packets_of, score
 from evaluation.bench.rooms import play
 from evaluation.bench.stresses import PLAIN
+from evaluation.experiments import time_to_id
 from evaluation.peers import camera
 from evaluation.peers.visual_markers import (
     APRILTAG,
@@ -34,6 +43,7 @@ from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
 from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.sensor.model import Status
 
 DURATION_S = 20.0
 PLACE_M = 1.0 * SENSOR.grid.directions[5]
@@ -159,6 +169,15 @@ def test_whatever_a_foreign_marker_is_read_as_is_wrong() -> None:
     assert len(result.wrong) == len(result.readings)
 
 
+def test_lone_packets_come_after_silence_and_end_before_the_recording() -> None:
+    sent = record(PLAIN, 600.0, np.random.default_rng(0))
+    assert sent.start_s.min() >= SILENCE_BITS * BIT_PERIOD_S
+    time_s, dark = sent.recording.stamp_ns * 1e-9, sent.recording.signal < WALL_SIGNAL + 300
+    ends_s = np.array([time_s[dark[:, zone]][[0, -1]] for zone in range(16)])
+    assert ends_s[:, 0] == pytest.approx(sent.start_s, abs=0.022)
+    assert (ends_s[:, 1] <= sent.start_s + PACKET_BITS * BIT_PERIOD_S + 0.011).all()
+
+
 def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() -> None:
     hand = record(replace(PLAIN, hand_s=0.3), 150.0, np.random.default_rng(0))
     near = hand.recording.distance < 0.3
@@ -167,6 +186,37 @@ def test_a_hand_hides_the_middle_of_the_packet_and_a_far_wall_its_dark_bits() ->
     assert near.sum(axis=0) * 0.021 == pytest.approx(np.full(16, 0.3), abs=0.05)
     wall = record(replace(PLAIN, far_wall=0.5), 150.0, np.random.default_rng(0))
     assert wall.recording.signal.min(axis=0) == pytest.approx(np.full(16, 77.0), abs=25)
+
+
+READERS = {reader.name: reader for reader in find_readers()[0]}
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(3)
+
+
+@pytest.mark.parametrize('member', FAMILY, ids=lambda member: member.name)
+def test_blocks_of_a_disturbance_follow_each_other(member: Member) -> None:
+    duration_s = 2.5 * BLOCK_FRAMES * SENSOR.period_s
+    blocks = list(member.blocks(duration_s, np.random.default_rng(3)))
+    sequence = np.concatenate([block.sequence for block in blocks])
+    np.testing.assert_array_equal(sequence, np.arange(len(sequence)))
+    assert len(sequence) == round(duration_s / SENSOR.period_s)
+    for block in blocks:
+        none = block.status == Status.NO_TARGET
+        assert np.isfinite(block.signal).all()
+        assert (np.isnan(block.distance) == none).all()
+
+
+def test_a_marker_is_identified_no_sooner_than_a_word_after_it_came_into_view() -> None:
+    sent = time_to_id.appearing(1.0, np.random.default_rng(3))
+    before = sent.recording.stamp_ns < time_to_id.VIEW_S * 1e9
+    assert sent.recording.signal[before].max() < WALL_SIGNAL + 15
+    times_s, wrong = time_to_id.first_ids(sent, BOTH['joint'])
+    assert np.isfinite(times_s).all()
+    assert times_s.min() > 19 * BIT_PERIOD_S  # seven bits of the preamble and twelve of the ID
+    assert wrong <= 1  # a packet that comes into view half sent may look like another
 
 
 def test_photoelectrons_follow_light_and_time() -> None:
@@ -196,15 +246,29 @@ class Liar(AprilTagReader):
         return [seen._replace(id=seen.id + 1)]
 
 
-def test_right_and_wrong_ids_are_counted() -> None:
-    rng = np.random.default_rng(3)
-    readers, liar = find_readers()[0], Liar('liar', 2.0)
-    results = read_pictures([*readers, liar], camera.Background(rng), 4, rng, View(0.6))
-    for reader in readers:
-        found = results[reader.name]
+def test_right_and_wrong_ids_are_counted(rng: np.random.Generator) -> None:
+    liar = Liar('liar', 2.0)
+    results = read_pictures([*READERS.values(), liar], camera.Background(rng), 4, rng, View(0.6))
+    for name in READERS:
+        found = results[name]
         assert (found['right']['hits'], found['wrong']['hits']) == (4, 0)
         assert found['error_mm'] is not None
         assert found['error_mm']['largest'] < 6
     found = results[liar.name]
     assert (found['right']['hits'], found['wrong']['hits']) == (0, 4)
     assert found['error_mm'] is None
+
+
+@pytest.mark.parametrize(
+    ('view', 'hits'),
+    [
+        (View(1.0), 5),
+        (View(1.0, lux=0.01), 0),
+        (View(1.0, yaw_deg=85), 0),
+        (View(1.0, pitch_deg=85), 0),
+        (View(1.0, speed_m_s=0.6), 0),
+    ],
+)
+def test_tags_end_dark_turned_and_blurred(view: View, hits: int, rng: np.random.Generator) -> None:
+    results = read_pictures([READERS[APRILTAG]], camera.Background(rng), 5, rng, view)
+    assert results[APRILTAG]['right']['hits'] == hits

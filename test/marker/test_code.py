@@ -28,6 +28,9 @@ from retrolidar_ros.marker.code import (
 Bits = NDArray[np.uint8]
 
 VECTORS = Path(__file__).parents[1] / 'vectors'
+GENERATOR: Bits = WORDS[1 << np.arange(11, -1, -1)]
+PARITY_CHECK: Bits = np.hstack([GENERATOR[:, 12:].T, np.eye(12, dtype=np.uint8)])
+COSETS = {0: 1, 1: 24, 2: 276, 3: 2024, 4: 1771}  # Conway and Sloane 1988, by leader's weight
 
 ids = st.integers(0, IDS - 1)
 
@@ -58,6 +61,15 @@ def test_weights_of_the_words_are_those_published() -> None:
     assert dict(zip(weights.tolist(), counts.tolist(), strict=True)) == expected
 
 
+def test_weights_of_the_coset_leaders_are_those_published() -> None:
+    leaders = np.full(IDS, -1)
+    for weight in reversed(COSETS):
+        syndromes = error_patterns(weight) @ PARITY_CHECK.T % 2 @ (1 << np.arange(12))
+        leaders[syndromes] = weight
+    weights, counts = np.unique(leaders, return_counts=True)
+    assert dict(zip(weights.tolist(), counts.tolist(), strict=True)) == COSETS
+
+
 @pytest.mark.parametrize('weight', range(6))
 def test_three_errors_are_corrected_four_refused_and_five_taken_for_three(weight: int) -> None:
     patterns = error_patterns(weight)
@@ -65,9 +77,11 @@ def test_three_errors_are_corrected_four_refused_and_five_taken_for_three(weight
     ids_, corrected_bits = decode(WORDS[sent] ^ patterns)
     assert (corrected_bits == (weight if weight < 4 else {4: -1, 5: 3}[weight])).all()
     assert (ids_ == sent).all() == (weight < 4)
-    if weight == 4:
+    if weight < 4:
+        assert len(patterns) == COSETS[weight]
+    elif weight == 4:
         assert (ids_ == -1).all()
-    elif weight == 5:
+    else:
         assert (ids_ != sent).all()
 
 

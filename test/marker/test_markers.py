@@ -83,13 +83,18 @@ def test_what_cannot_be_known_is_refused_by_its_key(markers: object, complaint: 
         parse_markers({'markers': markers})
 
 
-def test_a_file_may_write_an_id_in_any_base(tmp_path: Path) -> None:
+def test_a_file_may_write_an_id_in_any_base_but_once(tmp_path: Path) -> None:
     file = tmp_path / 'some.yaml'
-    file.write_text('markers: {0x819: {frame: beans}, 2096: {note: mug}}')
+    with pytest.raises(FileNotFoundError):
+        load_markers(file)
+    file.write_text('markers:\n  0x819: {frame: beans}\n  2096: {note: mug}\n')
     assert load_markers(file) == {
         2073: KnownMarker(2073, 'beans'),
         2096: KnownMarker(2096, 'marker_2096', 'mug'),
     }
+    file.write_text('markers:\n  0x819: {}\n  2073: {}\n')
+    with pytest.raises(ConfigError, match='key 2073 stands here a second time'):
+        load_markers(file)
 
 
 def test_the_shipped_file_names_the_markers_of_the_shipped_scenes() -> None:

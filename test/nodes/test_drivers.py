@@ -161,9 +161,13 @@ def test_text_is_published_as_frames(tmp_path: Path) -> None:
         assert board.keys == b's'
     lit = [message.signal[0] > 0 for message in messages]
     assert lit == sorted(lit)  # once switched on, it stays on
-    last = messages[-1]
-    assert (last.distance[0], last.signal[0], last.ambient[0]) == pytest.approx((0.7, 250, 4))
-    assert [*last.status] == [5] + [255] * 15
+    for message in messages:
+        assert (message.rows, message.columns) == (4, 4)
+        assert message.distance[0] == pytest.approx(0.7)
+        assert list(message.status) == [5] + [255] * 15
+    assert (messages[-1].signal[0], messages[-1].ambient[0]) == (250, 4)
+    stamps = [to_ns(message.header.stamp) for message in messages]
+    assert stamps == sorted(set(stamps))
     assert int(values['frames']) >= 30
     assert values['clock restarts'] == '0'
 

@@ -206,7 +206,9 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     chain.sensor.plug()
     back = len(system.frames)
     assert system.spin_until(lambda: len(system.frames) > back, RECONNECT_S)
-    system.wait_for_frames(back + 50)
+    with system.subscribed(Header, 'detector/heartbeat') as beats:
+        system.wait_for_frames(back + 50)
+        system.wait(lambda: bool(beats), 'a heartbeat')
     if in_the_cable not in chain.sequences():
         del chain.sensor.middle_ns[in_the_cable]
     chain.expect_all(first)
@@ -258,6 +260,22 @@ def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain)
     system.read_all()  # even then
     sensor.corrupt_share = 0.0
     system.wait_for_status(DRIVER, OK, 'frames a second')
+
+
+def test_half_of_the_frames_lost_are_counted_and_cost_time(chain: Chain) -> None:
+    system = chain.system
+    lost = system.number(DRIVER, 'lost frames')
+    first = chain.sequences()[-1] + 1
+    chain.sensor.lost_share = 0.5
+    system.read_all()  # more packets are needed, but all markers are still read
+    system.wait(lambda: chain.sequences()[-1] > first + 150, 'frames')
+    chain.sensor.lost_share = 0.0
+    last = max(chain.sensor.middle_ns) + 5
+    system.wait(lambda: chain.sequences()[-1] > last, 'frames')
+    chain.expect_all(first)
+    gone = chain.sequences()[-1] - first + 1 - len([s for s in chain.sequences() if s >= first])
+    assert gone > 40
+    assert system.number(DRIVER, 'lost frames') - lost >= gone
 
 
 def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:
