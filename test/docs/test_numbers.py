@@ -24,6 +24,37 @@ OTHER_FILES = {
     *('followed', 'followed_range', 'presence', 'range_filter', 'tracks', 'tracks_begin'),
     *('pose', 'zone_light'),
 }
+# What no one chose: constants of maths, and of the layout of arrays.
+NOT_CHOSEN = {
+    'bearing': {
+        'PLACES',
+        'FROM',
+        'MIN_DOUBT',
+        'SQRT_2',
+        'HOPELESS',
+        'AXES',
+        'STRETCHES',
+        'RL_PLACES',
+        'RL_BLURS',
+        'RL_NEAR',
+    },
+    'blinking_range': {'NO_BLINKING'},
+    'clock': {'MAX_CORRELATION', 'MAX_BITS'},
+    'codebook': {'MIN_ENERGY', 'RL_GROUPS'},
+    'constants': {'RL_LANES'},
+    'detector': {'RL_MAX_READ'},
+    'detector_state': {'RL_POOL', 'RL_READINGS'},
+    'hits': {'MAX_EXPLAINED'},
+    'lanes': {'ERASED'},
+    'likelihood': {'NO_ENERGY', 'RL_WALKS', 'RL_WALK_LANES'},
+    'process_frame': {'FOLDS'},
+    'ranging': {'TWO_PI', 'OWN', 'DARK', 'MIN_DISTANCES', 'RL_NEAREST_M', 'RL_MAX_OTHERS'},
+    'samples': {'MIN_EXPOSURE_S', 'RL_MAX_CHANNELS'},
+    'search': {'WALK_COUNT', 'FAINT_LONE', 'FINE'},
+    'target': {'FINE', 'BINS', 'RL_NO_REFERENCE'},
+    'template': {'LN_9'},
+    'view': {'NOTHING'},
+}
 
 
 def _split(text: str) -> list[str]:
@@ -47,7 +78,7 @@ def _constants(source: str) -> list[tuple[str, str]]:
 
 
 def constants() -> list[tuple[str, str, str]]:
-    """Return name, file and value of each number, by file and in the order of the source."""
+    """Return name, file and value of each constant, by file and in the order of the source."""
     found = []
     for path in sorted((ROOT / 'core' / 'src').glob('retrolidar_*.[ch]')):
         file = path.stem.removeprefix('retrolidar_')
@@ -60,7 +91,11 @@ def written(page: str) -> str:
     """Return a page with the table, and the counts before it, as the sources have them."""
     before, header, after = page.partition(HEADER)
     old, _, rest = after.partition('\n\n')
-    numbers = [(f'`{name}`', file, f'`{value}`') for name, file, value in constants()]
+    numbers = [
+        (f'`{name}`', file, f'`{value}`')
+        for name, file, value in constants()
+        if name not in NOT_CHOSEN.get(file, ())
+    ]
     present = {(name, file) for name, file, _ in numbers}
     known, renamed = {}, {}
     for line in old.splitlines():
@@ -73,16 +108,21 @@ def written(page: str) -> str:
         unit, origin = known.get((name, file)) or renamed.get((file, value)) or ('', '')
         lines.append(f'|{name}|{file}|{value}|{unit}|{origin}|\n')
         origins[origin] += 1
-    besides = ' and '.join(f'{origins.pop(one)} of {one}' for one in ('maths', 'layout'))
     counts = ', '.join(f'{count} {origin}' for origin, count in origins.most_common())
-    counted = f'{origins.total()} numbers decide: {counts}; besides, there are {besides}.'
-    before = re.sub(r'\n\d+ numbers decide: .*\n', f'\n{counted}\n', before)
+    more = sum(map(len, NOT_CHOSEN.values()))
+    counted = f'{origins.total()} numbers: {counts}; {more} more are maths or layout of arrays.'
+    before = re.sub(r'\n\d+ numbers: .*\n', f'\n{counted}\n', before)
     return before + header + ''.join(lines) + '\n' + rest
 
 
 def test_the_table_is_that_of_the_sources() -> None:
     page = PAGE.read_text(encoding='utf-8')
     assert page == written(page)
+
+
+def test_what_is_not_chosen_is_in_the_sources() -> None:
+    listed = {(name, file) for file, names in NOT_CHOSEN.items() for name in names}
+    assert listed <= {(name, file) for name, file, _ in constants()}
 
 
 def test_every_number_says_where_it_comes_from() -> None:
