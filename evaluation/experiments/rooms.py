@@ -144,16 +144,21 @@ def wrong_table(figures: dict[str, Any]) -> Table:
 
 def place_table(figures: dict[str, Any]) -> Table:
     """Return errors of places by company and motion."""
-    heads = ['right readings', 'range, half and nine tenths within']
-    heads += ['in its 95 % interval', 'place in the 95 % ellipsoid']
-    rows = [['', *heads]]
-    for one in figures['places']:
-        if one['readings']:
-            name = f'{_COMPANY.get(one["company"], one["company"])}, {_MOTIONS[one["motion"]]}'
-            half, most = one['range_mm']
-            holds = [percent(one[what]) for what in ('range_holds', 'ellipsoid_holds')]
-            rows.append([name, str(one['readings']), f'{half:.1f}, {most:.0f} mm', *holds])
+    words = 'range error [mm], half/nine tenths within; in 95 % interval/ellipsoid; readings'
+    rows = [[words, *MOTIONS]]
+    found = {(one['company'], one['motion']): _placed_as_text(one) for one in figures['places']}
+    for company in COMPANY:
+        cells = (found[company, motion] for motion in MOTIONS)
+        rows.append([_COMPANY.get(company, company), *cells])
     return rows
+
+
+def _placed_as_text(one: dict[str, Any]) -> str:
+    if not one['readings']:
+        return NOTHING
+    half, most = one['range_mm']
+    holds = '/'.join(percent(one[what]) for what in ('range_holds', 'ellipsoid_holds'))
+    return f'{half:.1f}/{most:.0f}; {holds}; {one["readings"]}'
 
 
 def _share(packets: int, read: int) -> str:
