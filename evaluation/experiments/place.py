@@ -110,15 +110,16 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 
 def table(figures: dict[str, Any]) -> Table:
     """Return errors and coverage, by blur and by how many zones see the marker."""
-    heads = ['blur: share of a zone', 'bearing, rms', 'by zone centres', 'in the 95 % ellipsoid']
-    rows = [[*heads, 'median range error [mm]']]
+    head = 'bearing: rms error/that of zone centres/in the 95 % ellipsoid'
+    rows = [[head, *_NAMES.values(), 'median range error [mm]']]
     for row in [*figures['blurs'], figures['large']]:
         size = '' if row is not figures['large'] else f'{100 * _LARGE_M:g} cm, '
-        for name, words in _NAMES.items():
-            cells = [as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg')]
-            cells += [percent(row['ellipsoid_holds'][name])]
-            cells += [as_text(1e3 * row['range_median_m'], '', 1)]
-            rows.append([f'{size}{words}, blur {row["blur"]:.0%}', *cells])
+        cells = []
+        for name in _NAMES:
+            errors = (as_text(row[key][name], '°') for key in ('bearing_rms_deg', 'centre_rms_deg'))
+            cells.append('/'.join((*errors, percent(row['ellipsoid_holds'][name]))))
+        median = as_text(1e3 * row['range_median_m'], '', 1)
+        rows.append([f'{size}blur {row["blur"]:.0%} of a zone', *cells, median])
     return rows
 
 

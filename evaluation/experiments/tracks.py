@@ -128,13 +128,15 @@ def honest_table(figures: dict[str, Any]) -> Table:
 
 def shared_table(figures: dict[str, Any]) -> Table:
     """Return errors of two markers in a zone, and how often their tracks end."""
-    head = ['two in a zone, the second', 'farther [m]', 'median error [mm]', 'rms [mm]']
-    rows = [[*head, 'both followed', 'ends/h']]
-    for one in figures['shared']:
-        errors = (as_text(one[name], '', 1) for name in ('median_mm', 'rms_mm'))
-        both = NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}'
-        ends = as_text(one['ends_an_hour'], '', 0)
-        rows.append([one['begins'], f'{one["apart_m"]:g}', *errors, both, ends])
+    head = 'two in a zone: median [mm]/rms [mm]/both followed/ends an hour'
+    rows = [[head, *(f'{at:g} m farther' for at in _APART_M)]]
+    for begins in SECONDS_S:
+        cells = []
+        for one in (one for one in figures['shared'] if one['begins'] == begins):
+            errors = (as_text(one[name], '', 1) for name in ('median_mm', 'rms_mm'))
+            both = NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}'
+            cells.append('/'.join((*errors, both, as_text(one['ends_an_hour'], '', 0))))
+        rows.append([f'the second {begins}', *cells])
     return rows
 
 
