@@ -112,7 +112,7 @@ _TELLING = (
     ),
     ('markers or the robot move', 'take `tracks`, and `tf_source: tracks`'),
     (
-        'a wrong ID costs more than one that is missed',
+        'a wrong ID costs more than a missed one',
         f'drop readings with a `decision_margin` below {_SURE_MARGIN}',
     ),
 )
@@ -141,7 +141,7 @@ def telling(report: Report) -> str:
         f'3 cm are read to {several} instead of {one}',
         f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
         f'to and fro at {_MOVING_M_S:g} m/s a range is {track} off instead of {packets}',
-        f'in random rooms {" are wrong instead of ".join(wrong)}; {fewer:.0%} of readings fewer',
+        f'in random rooms {" are wrong instead of ".join(wrong)}; {fewer:.0%} fewer readings',
     ]
     rows = ([*told, buys] for told, buys in zip(_TELLING, bought, strict=True))
     return markdown([['if …', 'then …', 'which buys'], *rows])
