@@ -148,14 +148,16 @@ def grouped(point: dict[str, Any], group: str) -> Frequency:
 def table(figures: dict[str, Any]) -> Table:
     """Return false IDs an hour as shipped, with their exact 95 % confidence."""
     points = [shipped(figures, method) for method in METHODS]
-    white = figures['before_white'].items()
+    budget, *registered = map(per_hour, figures['before_white'].values())
+    counts = ' / '.join(map(str, REGISTERED))
     return [
         ['false IDs an hour (95 %), as shipped', *METHODS],
         *(
             [name, *(per_hour(grouped(point, name)) for point in points)]
             for name in (*GROUPS, STILL)
         ),
-        *([f'white, {name}', per_hour(one), ''] for name, one in white),
+        [f'bare wall, budget of {WHITE_BUDGET:g} an hour', budget, ''],
+        [f'bare wall, {counts} IDs registered', ' / '.join(registered), ''],
     ]
 
 

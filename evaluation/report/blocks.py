@@ -28,6 +28,7 @@ Report = Mapping[str, dict[str, Any]]
 _PACKET = f'{PACKET_BITS * BIT_PERIOD_S:.1f} s'
 _MOVING_M_S = 0.3
 _PACKETS = (('reading', '3 cm'), ('reach', '3 cm, 8 packets'))
+_SEVERAL = ('3 packets', '8 packets')
 _SIDE_M = 0.4  # of the square from whose corners landmarks are looked at
 _EXPOSURE = '4 ms'  # with which tags are read while they move
 
@@ -87,20 +88,17 @@ def headlines(report: Report) -> str:
 
 
 def reach(report: Report) -> str:
-    """Return how far markers are read."""
+    """Return how far markers are read, by size, method and packets."""
     curves = {
-        '3 cm, one packet (1.3 s)': 'reading 3 cm',
-        '3 cm, within 3 packets': 'reach 3 cm, 3 packets',
-        '3 cm, within 8 packets': 'reach 3 cm, 8 packets',
-        '1 cm, within 3 packets': 'reach 1 cm, 3 packets',
-        '1 cm, within 8 packets': 'reach 1 cm, 8 packets',
-        '1 cm, one packet (1.3 s)': 'reach 1 cm, one packet',
+        '3 cm': (_PACKETS[0], ('reach', '3 cm, 3 packets'), _PACKETS[1]),
+        '1 cm': tuple(('reach', f'1 cm, {one}') for one in ('one packet', *_SEVERAL)),
     }
-    rows: Table = [['80 % are read to', 'default', 'method `paper`']]
-    for what, curve in curves.items():
-        name, _, own = curve.partition(' ')
-        ends = report[name]['curves'][own]['ends']
-        rows.append([what, *(end_as_text(ends[method], '[m]') for method in BOTH)])
+    heads = (f'one packet ({_PACKET})', *(f'within {one}' for one in _SEVERAL))
+    rows: Table = [['80 % are read to', *heads]]
+    for size, places in curves.items():
+        for method, words in zip(BOTH, ('default', 'method `paper`'), strict=True):
+            ends = (report[name]['curves'][curve]['ends'][method] for name, curve in places)
+            rows.append([f'{size}, {words}', *(end_as_text(end, '[m]') for end in ends)])
     return markdown(rows)
 
 
@@ -114,7 +112,7 @@ _TELLING = (
     ),
     ('markers or the robot move', 'take `tracks`, and `tf_source: tracks`'),
     (
-        'a wrong ID costs more than one that is missed',
+        'a wrong ID costs more than a missed one',
         f'drop readings with a `decision_margin` below {_SURE_MARGIN}',
     ),
 )
@@ -143,7 +141,7 @@ def telling(report: Report) -> str:
         f'3 cm are read to {several} instead of {one}',
         f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
         f'to and fro at {_MOVING_M_S:g} m/s a range is {track} off instead of {packets}',
-        f'in random rooms {" are wrong instead of ".join(wrong)}; {fewer:.0%} of readings fewer',
+        f'in random rooms {" are wrong instead of ".join(wrong)}; {fewer:.0%} fewer readings',
     ]
     rows = ([*told, buys] for told, buys in zip(_TELLING, bought, strict=True))
     return markdown([['if …', 'then …', 'which buys'], *rows])
