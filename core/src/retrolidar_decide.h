@@ -118,6 +118,9 @@ double rl_rivals_part_margin(const struct rl_case *judged);
 /* The same of a packet that ended in the window, and another one that began then. */
 double rl_rivals_successive_margin(const struct rl_case *judged);
 
+/* Log likelihood of a known marker's last packet and a next one, and what makes that likelier. */
+double rl_rivals_next(const struct rl_case *judged);
+
 /* By how much any bits of another clock are likelier than a packet; own: its log likelihood. */
 double rl_clock_excess(struct rl_window *window, const struct rl_transmission *transmission,
                        double own);

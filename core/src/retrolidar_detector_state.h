@@ -85,6 +85,18 @@ void rl_process_frame(struct rl_detector *detector);
 /* Judge the best hit of a channel, and what it may hide. */
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
 
+struct rl_packet_train rl_train_of(const struct rl_verdict *verdict);
+
+/* By how much two new packets in a zone are likelier than any others of the same sum, if they begin
+ * together [nats]; 0 if their last bits may be still to come.
+ */
+double rl_pair_margin(struct rl_detector *detector, const struct rl_verdict *one,
+                      const struct rl_verdict *other, double to_s);
+
+/* The same of a packet and any known marker that begins its packets together with it. */
+double rl_pair_margin_beside_known(struct rl_detector *detector, const struct rl_verdict *verdict,
+                                   double to_s);
+
 /* Note a packet that is read. The window's interference is the verdict's. */
 void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
 
@@ -101,11 +113,12 @@ bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s
 const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint16_t id,
                                                const struct rl_packet_train *train);
 
-/* List the trains of other IDs that some zones may see from one time to another: first those read
- * in these zones, then those read beside them. Trains that ended before `since_s` are left out.
+/* List the trains of IDs other than two that some zones may see from one time to another: first
+ * those read in these zones, then those read beside them. Trains that ended before `since_s` are
+ * left out.
  */
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
-                          uint16_t except, struct rl_interference *interference);
+                          uint16_t id, uint16_t other_id, struct rl_interference *interference);
 
 /* Zones that saw a train which ended after a time, and the zones beside them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);

@@ -6,18 +6,13 @@
 
 #include <math.h>
 
-static struct rl_packet_train train_of(const struct rl_verdict *verdict)
-{
-    return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
-}
-
 /* Add a packet to the interference, in place of the last one if that is full. */
 static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
 {
     if (interference->count == RL_MAX_TRAINS) {
         interference->count--;
     }
-    interference->train[interference->count++] = train_of(beside);
+    interference->train[interference->count++] = rl_train_of(beside);
     rl_interference_assign(interference);
 }
 
@@ -42,7 +37,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .end_s = to_s};
     /* A marker that was read up to three packets before may still be sending. */
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
-                         train.begin_s - 3.0 * packet_s, to_s, hit->id, interference);
+                         train.begin_s - 3.0 * packet_s, to_s, hit->id, hit->id, interference);
     if (beside != NULL) {
         add_beside(interference, beside);
     }
@@ -110,7 +105,7 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
         to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
                          to_s - RL_CONTINUES_BITS * detector->settings.bit_s, to_s, one->id,
-                         &interference);
+                         one->id, &interference);
     add_beside(&interference, one);
     const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);
     hits->count = 0;
@@ -120,103 +115,6 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
                            2.0 * detector->max_llr_deficit, hits);
     }
     rl_residual_restore(&detector->residual, channel);
-}
-
-/* Refine a packet in its zone, with another one beside it; return their log likelihood. */
-static double refine_beside(struct rl_detector *detector, struct rl_verdict *one,
-                            const struct rl_verdict *other, double to_s)
-{
-    struct rl_window *window = &detector->window;
-    struct rl_transmission *transmission = &one->transmission;
-    const double middle_s = (one->begin_s + one->end_s) / 2;
-    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, one->channel),
-                         one->begin_s, to_s, one->id, &window->interference);
-    rl_window_open(window, one->channel, one->is_dimmer, one->begin_s, one->end_s);
-    rl_window_add(window, &other->transmission);
-    return rl_window_refine(window, transmission,
-                            (middle_s - transmission->start_s) / transmission->bit_s);
-}
-
-/* Log likelihood of two packets with steady gains; each is refined. */
-static double refine_pair(struct rl_detector *detector, struct rl_verdict one,
-                          struct rl_verdict other, double to_s)
-{
-    double likelihood = -INFINITY;
-    for (int round = 0; round < 2; round++) {
-        refine_beside(detector, &other, &one, to_s);
-        likelihood = refine_beside(detector, &one, &other, to_s);
-    }
-    return likelihood;
-}
-
-/* Make a packet that repeats a lone one, the last that began in its window. */
-static void make_lone(struct rl_verdict *verdict)
-{
-    struct rl_transmission *transmission = &verdict->transmission;
-    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
-    if (transmission->repeats) {
-        const double packets = (verdict->end_s - transmission->start_s) / packet_s;
-        transmission->start_s += packet_s * floor(packets);
-        transmission->repeats = false;
-    }
-}
-
-/* Whether two packets that repeat may be lone ones of which the last bits are still to come. */
-static bool may_be_incomplete(struct rl_detector *detector, struct rl_verdict one,
-                              struct rl_verdict other, double own, double to_s)
-{
-    if (!one.transmission.repeats && !other.transmission.repeats) {
-        return false;
-    }
-    make_lone(&one);
-    make_lone(&other);
-    return refine_pair(detector, one, other, to_s) > own - RL_AS_GOOD;
-}
-
-static bool is_packet(const struct rl_codebook *codebook, uint32_t bits)
-{
-    int word = 0;
-    while (word < codebook->words && codebook->packet[word] != bits) {
-        word++;
-    }
-    return word < codebook->words;
-}
-
-/* By how much two packets that begin together are likelier than two others whose bits have the same
- * sum. Only different gains tell these apart.
- */
-static double margin_of_pair(struct rl_detector *detector, const struct rl_verdict *one,
-                             const struct rl_verdict *other, double to_s)
-{
-    const struct rl_codebook *codebook = &detector->search.codebook;
-    const struct rl_packet_train trains[2] = {train_of(one), train_of(other)};
-    const uint32_t bits = one->transmission.bits, differ = bits ^ other->transmission.bits;
-    double margin = RL_MAX_MARGIN;
-    if (!rl_keeps_time(&trains[0], &trains[1])) {
-        return margin;
-    }
-    const double own = refine_pair(detector, *one, *other, to_s);
-    if (may_be_incomplete(detector, *one, *other, own, to_s)) {
-        return 0.0;
-    }
-    struct rl_verdict first = *one, second = *other;
-    struct rl_transmission *const sent[2] = {&first.transmission, &second.transmission};
-    /* Others are refined from a common clock. */
-    const double bit_s = (sent[0]->bit_s + sent[1]->bit_s) / 2;
-    const double later_s = remainder(sent[1]->start_s - sent[0]->start_s, RL_PACKET_BITS * bit_s);
-    sent[0]->start_s += later_s / 2;
-    sent[1]->start_s -= later_s / 2;
-    sent[0]->bit_s = sent[1]->bit_s = bit_s;
-    for (int word = 0; word < codebook->words; word++) {
-        const uint32_t flipped = codebook->packet[word] ^ bits;
-        if (flipped != 0 && flipped != differ && (flipped & ~differ) == 0 &&
-            is_packet(codebook, other->transmission.bits ^ flipped)) {
-            sent[0]->bits = bits ^ flipped;
-            sent[1]->bits = other->transmission.bits ^ flipped;
-            margin = fmin(margin, own - refine_pair(detector, first, second, to_s));
-        }
-    }
-    return margin;
 }
 
 /* Look for another packet in the zone of one, as they hide each other: the other is the best one
@@ -252,7 +150,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         *other = decide(detector, channel, packets, hit, hits, &again, to_s);
         const double margin =
-            other->reason == RL_READ ? margin_of_pair(detector, &again, other, to_s) : 0.0;
+            other->reason == RL_READ ? rl_pair_margin(detector, &again, other, to_s) : 0.0;
         if (margin >= detector->settings.thresholds.margin) {
             *one = again;
             one->margin = fmin(one->margin, margin);
@@ -283,6 +181,13 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
         detector->samples.channel[pending->channel].zones == 1 &&
         verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
         verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
+    if (verdict.reason == RL_READ && pending->hits.reference == RL_NO_REFERENCE) {
+        const double margin = rl_pair_margin_beside_known(detector, &verdict, to_s);
+        verdict.margin = fmin(verdict.margin, margin);
+        if (verdict.margin < detector->settings.thresholds.margin) {
+            verdict.reason = RL_MARGIN;
+        }
+    }
     if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
         detector->counts.candidates++;
         rl_add_reading(detector, &other);

@@ -159,7 +159,7 @@ static void subtract(double (*from)[RL_WALK_LANES], const double (*column)[RL_WA
 
 typedef const double (*rl_const_column)[RL_WALK_LANES];
 
-void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool may_darken)
+void rl_add_interferer(struct rl_whitened *whitened, const double *light)
 {
     const int samples = whitened->samples;
     double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
@@ -178,9 +178,7 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool m
     }
     multiply((rl_const_column)column, (rl_const_column)whitened->signal, samples, product);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-        /* No marker makes a zone darker while it is bright. */
-        const bool is_there = (may_darken || product[walk] > 0.0) && power[walk] > NO_ENERGY;
-        scale[walk] = is_there ? 1.0 / sqrt(power[walk]) : 0.0;
+        scale[walk] = power[walk] > NO_ENERGY ? 1.0 / sqrt(power[walk]) : 0.0;
         product[walk] *= scale[walk];
         whitened->squares[walk] -= product[walk] * product[walk];
     }
@@ -196,7 +194,8 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool m
     whitened->explained += whitened->null - before;
 }
 
-struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light)
+struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light,
+                           bool may_darken)
 {
     double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
     double power[RL_WALK_LANES], cross[RL_WALK_LANES];
@@ -214,7 +213,7 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
         }
     }
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        if (!(cross[walk] > 0.0) || !(power[walk] > NO_ENERGY)) {
+        if (!(may_darken || cross[walk] > 0.0) || !(power[walk] > NO_ENERGY)) {
             continue;
         }
         double variance;

@@ -64,17 +64,19 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory 
 void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
                const double *begin_s, const double *end_s, int rows, double period_s, double least);
 
-/* Fit a template, the light of each row of the window, together with the interferers. */
-struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light);
+/* Fit a template, the light of each row of the window, together with the interferers.
+ *
+ * may_darken: whether its gain may be negative, too
+ */
+struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light,
+                           bool may_darken);
 
 /* Variance that a fit leaves, over the least: far above 1 if something else is there. */
 double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit);
 
-/* Make a template an interferer: from now on its gain is fitted along with that of any other, and
- * the null hypothesis has it, too. There must be room.
- *
- * may_darken: whether its gain may be negative, too
+/* Make a template an interferer: from now on its gain, which may be negative, is fitted along with
+ * that of any other, and the null hypothesis has it, too. There must be room.
  */
-void rl_add_interferer(struct rl_whitened *whitened, const double *light, bool may_darken);
+void rl_add_interferer(struct rl_whitened *whitened, const double *light);
 
 #endif

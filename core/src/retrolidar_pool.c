@@ -8,6 +8,8 @@
 
 /* A packet continues a train if it has its phase, and fewer packets were missed. */
 static const double MAX_MISSED = 2.0;
+/* It is joined to the train if it begins at the same time to this; otherwise there was a pause. */
+static const double JOINED_BITS = 2.0 / RL_PHASES;
 
 uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
 {
@@ -58,7 +60,9 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
     struct rl_packet_train whole = train;
     for (int i = 0; i < pool->count; i++) {
         struct rl_active_track *before = &pool->track[i];
-        if (before->id == verdict->id && continues(&before->train, &train)) {
+        const double later = rl_bits_later(&before->train.transmission, &train.transmission);
+        if (before->id == verdict->id && continues(&before->train, &train) &&
+            fabs(later) < JOINED_BITS) {
             track = before;
             whole.begin_s = fmin(track->train.begin_s, whole.begin_s);
             whole.end_s = fmax(track->train.end_s, whole.end_s);
@@ -104,7 +108,7 @@ const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint1
 }
 
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
-                          uint16_t except, struct rl_interference *interference)
+                          uint16_t id, uint16_t other_id, struct rl_interference *interference)
 {
     interference->count = 0;
     for (int beside = 0; beside < 2; beside++) {
@@ -112,7 +116,7 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
             const struct rl_active_track *track = &pool->track[i];
             const struct rl_packet_train *train = &track->train;
             const bool sees = (track->zones & zones) != 0, is_near = (track->near & zones) != 0;
-            if ((beside ? is_near && !sees : sees) && track->id != except &&
+            if ((beside ? is_near && !sees : sees) && track->id != id && track->id != other_id &&
                 train->end_s > since_s && train->begin_s < to_s &&
                 interference->count < RL_MAX_TRAINS) {
                 interference->train[interference->count++] = *train;

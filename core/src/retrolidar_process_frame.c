@@ -93,7 +93,7 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
         if ((zones & own) != 0) {
             struct rl_interference interference;
             rl_pool_interference(&detector->pool, own,
-                                 since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, &interference);
+                                 since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, 0, &interference);
             rest[zone] = rl_residual_subtract(&detector->residual, zone, &interference,
                                               since_s - RL_SEARCH_BITS * bit_s);
             if (detector->consumed_until_s[zone] <= over_s &&

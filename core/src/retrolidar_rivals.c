@@ -138,6 +138,9 @@ double rl_rivals_margin(const struct rl_case *judged)
             nearest = nearer_of(judged, hits->hit[i].transmission, nearest);
         }
     }
+    if (!judged->verdict.transmission.repeats && !judged->follows) {
+        nearest = fmax(nearest, rl_rivals_next(judged));
+    }
     return judged->own - nearest;
 }
 

@@ -128,11 +128,14 @@ void rl_train_light(const struct rl_packet_train *train, bool continues, const d
     }
 }
 
+double rl_bits_later(const struct rl_transmission *before, const struct rl_transmission *now)
+{
+    return remainder((now->start_s - before->start_s) / now->bit_s, RL_PACKET_BITS);
+}
+
 bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
-    const double apart = (now->transmission.start_s - before->transmission.start_s) /
-                         (RL_PACKET_BITS * now->transmission.bit_s);
-    return fabs(apart - floor(apart + 0.5)) * RL_PACKET_BITS < SAME_PHASE_BITS;
+    return fabs(rl_bits_later(&before->transmission, &now->transmission)) < SAME_PHASE_BITS;
 }
 
 static bool overlaps(const struct rl_packet_train *one, const struct rl_packet_train *other)

@@ -45,6 +45,9 @@ struct rl_interference {
     int marker[RL_MAX_TRAINS]; /* of each train: the first train of the same marker */
 };
 
+/* By how many bits a packet begins later than another one, or than the next after whole packets. */
+double rl_bits_later(const struct rl_transmission *before, const struct rl_transmission *now);
+
 /* Whether the packets of two trains begin at the same phase. */
 bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now);
 

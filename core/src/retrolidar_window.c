@@ -48,9 +48,10 @@ static void find_profile(struct rl_window *window)
     }
 }
 
-/* Light of an interferer: what was read of it, what it sends if it continues, and either with a gain
- * that changes. One form of all markers is tried after the other, as a marker that is still left out
- * may look like another form of one.
+/* Light of an interferer: what was read of it, what it sends if it continues, and either with a
+ * gain that changes. One form of all markers is tried after the other, as a marker that is still
+ * left out may look like another form of one. A zone may see less while its neighbour sees more, by
+ * what the sensor does against stray light, so gains may be negative.
  */
 enum { AS_READ, CONTINUES, CHANGES, FORMS };
 
@@ -80,8 +81,9 @@ static void add_interference(struct rl_window *window)
                 continue;
             }
             lay_interferer(window, i, form, continues[i]);
-            if (rl_fit_gain(whitened, window->part).log_likelihood > whitened->null + price) {
-                rl_add_interferer(whitened, window->part, false);
+            if (rl_fit_gain(whitened, window->part, true).log_likelihood >
+                whitened->null + price) {
+                rl_add_interferer(whitened, window->part);
                 continues[i] = continues[i] || form == CONTINUES;
             }
         }
@@ -99,7 +101,7 @@ static void add_reference(struct rl_window *window)
         for (int row = 0; row < window->rows; row++) {
             window->part[row] = window->light[row] * rl_gain_profile_at(gain, row, window->rows);
         }
-        rl_add_interferer(&window->whitened, window->part, true);
+        rl_add_interferer(&window->whitened, window->part);
     }
 }
 
@@ -153,7 +155,8 @@ static double fit(struct rl_window *window, const double *light)
     for (int row = 0; window->has_profile && row < window->rows; row++) {
         window->seen[row] = light[row] * window->profile[row];
     }
-    window->fit = rl_fit_gain(&window->whitened, window->has_profile ? window->seen : light);
+    window->fit =
+        rl_fit_gain(&window->whitened, window->has_profile ? window->seen : light, false);
     return window->fit.log_likelihood;
 }
 
@@ -216,7 +219,7 @@ void rl_window_add(struct rl_window *window, const struct rl_transmission *trans
 {
     lay_light(window, transmission);
     if (window->whitened.interferers < RL_MAX_INTERFERERS) {
-        rl_add_interferer(&window->whitened, window->light, false);
+        rl_add_interferer(&window->whitened, window->light);
     }
 }
 

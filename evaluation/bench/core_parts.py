@@ -48,6 +48,7 @@ PARTS = {
         'window', 'marker, form == CONTINUES || continues);', 'marker, false && continues);'
     ),
     'earlier packets: gains that change': Part('window', 'form < FORMS;', 'form < CHANGES;'),
+    'earlier packets: gains of either sign': Part('window', 'part, true)', 'part, false)'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'earlier packets: those of a marker as one': Part('template', 'ambiguous[i] ? i : 0;', 'i;'),
     'earlier packets: overlapping ones apart': Part(
@@ -84,10 +85,15 @@ PARTS = {
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
     ),
     'pairs of packets: others of the same sum': Part(
-        'judge', '? margin_of_pair(', '? RL_MAX_MARGIN + 0.0 * margin_of_pair('
+        'judge', '? rl_pair_margin(', '? RL_MAX_MARGIN + 0.0 * rl_pair_margin('
+    ),
+    'pairs of packets: one of them is known': Part(
+        'judge',
+        'fmin(verdict.margin, margin)',
+        'fmin(verdict.margin, RL_MAX_MARGIN + 0.0 * margin)',
     ),
     'pairs of packets: whole ones only': Part(
-        'judge', 'if (may_be_incomplete(', 'if (false && may_be_incomplete('
+        'pair', 'return may_be_incomplete(', 'return false && may_be_incomplete('
     ),
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
@@ -148,6 +154,9 @@ PARTS = {
         'decide',
         'margin = fmin(margin, rl_rivals_part_margin(',
         'fmin(margin, rl_rivals_part_margin(',
+    ),
+    'margin: the next packet of a known marker': Part(
+        'rivals', 'fmax(nearest, rl_rivals_next(judged))', 'nearest'
     ),
     'gains that change along the packet': Part(
         'decide', 'verdict->packets == 1 && !judged->follows\n', 'false\n'

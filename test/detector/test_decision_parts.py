@@ -246,3 +246,42 @@ def test_the_light_of_two_known_markers_is_no_third_packet() -> None:
         mean += np.outer(115.0 * (1 / len(numbers) - dark), SPREAD[5] + 0.5 * SPREAD[6])
     for seed in range(6):
         assert read_in(mean, seed, middle_s) == {first, *numbers}
+
+
+def in_turn(numbers: tuple[int, ...], pause_bits: float, middle_s: Floats) -> Floats:
+    """Return the light of a marker that sends packets with pauses."""
+    every_s = PACKET_S + pause_bits * BIT_PERIOD_S
+    light = np.ones_like(middle_s)
+    for place, number in enumerate(numbers):
+        light += light_at(middle_s, sent(number, START_S + place * every_s)) - 1
+    return light
+
+
+LONG_S = np.arange(PERIOD_S / 2, START_S + 5.5 * PACKET_S, PERIOD_S)
+
+
+@pytest.mark.parametrize(('number', 'pause_bits', 'other'), [(3117, 1, 1707), (2139, 2, 1195)])
+def test_a_marker_that_pauses_is_no_other(number: int, pause_bits: int, other: int) -> None:
+    """The end of its packet, the pause and the next packet's beginning are another's packet."""
+    bits = np.concatenate([packet(number), np.zeros(pause_bits), packet(number)])
+    assert any(np.array_equal(bits[n : n + PACKET_BITS], packet(other)) for n in range(PACKET_BITS))
+    mean = 10.0 + 150.0 * np.outer(in_turn(4 * (number,), pause_bits, LONG_S), SPREAD[5])
+    for seed in range(6):
+        assert read_in(mean, seed, LONG_S) == {number}
+
+
+def test_two_new_packets_are_not_a_known_one_and_another() -> None:
+    """As one of those that are sent before, and a third, have their sum."""
+    first, second = (3897, 3596), (3916, 3399)
+    assert np.array_equal(packet(3596) + packet(3399), packet(3916) + packet(3079))
+    light = in_turn(first, 0, LONG_S) + in_turn(second, 0, LONG_S)
+    for seed in range(6):
+        assert read_in(10.0 + 135.0 * np.outer(light, SPREAD[5]), seed, LONG_S) <= {*first, *second}
+
+
+def test_what_a_neighbour_takes_away_is_no_marker() -> None:
+    """The inverse of a word is a word."""
+    for number in range(300, 4000, 370):
+        light = in_turn(3 * (number,), 1, LONG_S)
+        mean = np.outer(light, 600.0 * SPREAD[5] - 60.0 * SPREAD[6]) + 100.0
+        assert read_in(mean, number, LONG_S) == {number}
