@@ -16,18 +16,12 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from retrolidar_ros.cli.arguments import (
-    add_detector_options,
-    add_port,
-    detector_values,
-    seconds,
-)
+from retrolidar_ros.cli.arguments import add_detector_options, add_port, detector_values, seconds
 from retrolidar_ros.cli.watch_view import LastReading, Snapshot, fitted, line, screen
-from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector import METHODS, Detection, Detector
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking_zones import BLINKING_DB, modulation_db, newest_bits
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
@@ -65,7 +59,9 @@ class Watch:
         self._settings = DetectorSettings(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
-        self._detector: LikelihoodDetector | None = None
+        if (method := values['method']) != METHODS[0]:
+            raise ValueError(f'--method {method}: watch shows {METHODS[0]} only')
+        self._detector: Detector | None = None
         self._agreement = Agreement(values['min_readings'])
         self._monitor = FrameMonitor(ZoneGrid())
         self._last: dict[int, Detection] = {}
@@ -91,10 +87,7 @@ class Watch:
                 f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
                 f'0 to {grid.zones - 1}'
             )
-        detector = self._settings.detector(grid)
-        if not isinstance(detector, LikelihoodDetector):
-            raise ValueError(f'--method {self._settings.values["method"]}: watch shows joint only')
-        self._detector, self._shown_zone = detector, self._fixed_zone
+        self._detector, self._shown_zone = self._settings.detector(grid), self._fixed_zone
         self._agreement = Agreement(self._settings.values['min_readings'])
         self._last.clear()
         self._times.clear()

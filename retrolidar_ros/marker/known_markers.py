@@ -13,14 +13,7 @@ import numpy as np
 from retrolidar_ros.marker.code import IDS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.settings.section import (
-    ConfigError,
-    Triple,
-    keyed,
-    mapping,
-    place,
-    text,
-)
+from retrolidar_ros.settings.section import ConfigError, Triple, keyed, mapping, place, text
 from retrolidar_ros.settings.yaml_files import load_parsed
 
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')  # TF accepts no leading slash

@@ -10,7 +10,6 @@ from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import READING, DetectorSettings
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import from_frame_msg
@@ -109,23 +108,17 @@ class DetectorNode(Node):
     def _read(self, frame: Frame, frame_id: str) -> None:
         detections = self._detector.update(frame)
         if self.get_logger().is_enabled_for(LoggingSeverity.DEBUG):
-            self._log_rejected()
+            for one in self._detector.candidates:
+                if one.reason:
+                    self.get_logger().debug(
+                        f'rejected: {one.reason.value}: ID {one.id}, evidence {one.evidence:.1f}, '
+                        f'word {one.word:.1f}, margin {one.margin:.1f} nats'
+                    )
         if detections:
             self._health.read(detections)
             if confirmed := self._agreement.confirmed(detections):
                 self._topics.publish(confirmed, frame.stamp_ns, frame_id)
         self._topics.follow(self._detector, self._agreement, frame, frame_id)
-
-    def _log_rejected(self) -> None:
-        if not isinstance(self._detector, LikelihoodDetector):
-            return
-        for candidate in self._detector.candidates:
-            if candidate.reason is not None:
-                self.get_logger().debug(
-                    f'rejected: {candidate.reason.value}: ID {candidate.id}, '
-                    f'evidence {candidate.evidence:.1f}, word {candidate.word:.1f}, '
-                    f'margin {candidate.margin:.1f} nats'
-                )
 
     def _examine(self) -> Health:
         # Includes nodes that have just been killed.
