@@ -18,7 +18,7 @@ import numpy as np
 from evaluation.report.chart_style import OTHERS, draw_level, label, legend_beside, new_chart
 from evaluation.report.claims import Claims, as_text, model
 from retrolidar_ros.marker import wakeup
-from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
+from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
@@ -92,14 +92,14 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
         'safe_m': [wakeup.wakeup_range_m(indoors + guard) for guard in guards],
         'once_an_hour_h': {
-            name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
+            name: CELL_MAH / drawn(hourly, parts).total for name, parts in PARTS.items()
         },
-        'awake_h': life_h(CELL_MAH, PROTOTYPE.active),
-        'mean_of_100_ua_h': life_h(CELL_MAH, OPTIMISED_MA),
+        'awake_h': CELL_MAH / PROTOTYPE.active,
+        'mean_of_100_ua_h': CELL_MAH / OPTIMISED_MA,
         'two_years_active_ma': (max_ma - asleep.sleep - asleep.detection) / hourly,
         'queries_per_hour': _QUERIES.tolist(),
         'over_queries_h': {
-            name: [life_h(CELL_MAH, drawn(share, parts).total) for share in shares]
+            name: [CELL_MAH / drawn(share, parts).total for share in shares]
             for name, parts in PARTS.items()
         },
     }

@@ -52,8 +52,3 @@ def drawn(active: float, currents: Currents = PROTOTYPE) -> Currents:
         detection=currents.detection * looking * (1 - active),
         active=currents.active * active,
     )
-
-
-def life_h(cell_mah: float, current_ma: float) -> float:
-    """Return how long a cell [mAh] feeds a mean current [mA], in hours."""
-    return cell_mah / current_ma

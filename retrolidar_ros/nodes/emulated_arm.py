@@ -3,6 +3,7 @@
 """The `emulated_arm` node: TF and description of an arm that moves the emulated sensor."""
 
 import time
+from functools import partial
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -65,7 +66,7 @@ class EmulatedArmNode(Node):
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
         self.get_logger().info('waiting for frames, and whether another arm moves the sensor')
-        repeat(self, _PERIOD_S, self._send_pose)
+        repeat(self, _PERIOD_S, partial(self._send_poses, np.zeros(1)))
 
     def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
@@ -94,12 +95,10 @@ class EmulatedArmNode(Node):
         self._sensor = ''
         return True
 
-    def _send_pose(self) -> None:
-        if self._sensor:
-            self._send_poses(np.zeros(1))
-
     def _send_poses(self, ago_s: Floats) -> None:
-        """Send the poses that the sensor had so long ago, shape (n,)."""
+        """Send the poses that the sensor had so long ago, shape (n,), once it is known."""
+        if not self._sensor:
+            return
         now_ns = self.get_clock().now().nanoseconds
         ago_s = ago_s[ago_s * 1e9 <= now_ns]  # a simulated clock may have begun later
         times_s = np.maximum(time.monotonic() - self._start_s - ago_s, 0.0)

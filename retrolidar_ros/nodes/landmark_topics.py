@@ -45,7 +45,7 @@ class LandmarkTopics:
             self._poses[name] = latched(self._node, PoseWithCovarianceStamped, topic)
             deviation_mm = 1e3 * estimate.stddev_m
             self._node.get_logger().info(f'{name} is placed, to ±{deviation_mm:.0f} mm so far')
-            self.check_frames()
+            self._check_frames()
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
         self._shapes_due = True
@@ -56,7 +56,7 @@ class LandmarkTopics:
     def _frame_of(self, name: str) -> str:
         return self._child_frame.replace(NAME, name)
 
-    def check_frames(self) -> None:
+    def _check_frames(self) -> None:
         """Stop sending frames to which another node gives another parent."""
         parents = self._finder.parents()
         for child in map(self._frame_of, self._poses):
@@ -80,8 +80,9 @@ class LandmarkTopics:
         """Take note that landmarks have changed that are not published."""
         self._shapes_due = True
 
-    def publish_shapes(self, estimates: Sequence[Estimate]) -> None:
-        """Publish the shapes of all landmarks if any has changed, and somebody listens."""
+    def update(self, estimates: Sequence[Estimate]) -> None:
+        """Check frames, and publish the shapes of all landmarks if any changed; once a second."""
+        self._check_frames()
         if self._shapes_due and self._shapes.get_subscription_count():
             self._shapes_due = False
             stamp = self._node.get_clock().now().to_msg()

@@ -99,7 +99,7 @@ class LandmarksNode(Node):
             aim = f'locating {values["base_frame"]} in {frame}'
         self.get_logger().info(aim)
         repeat(self, _TICK_S, self._solve)
-        repeat(self, _TOPICS_S, self._tend_topics)
+        repeat(self, _TOPICS_S, lambda: self._topics.update(self._survey.estimates()))
 
     def _load(self, path: str) -> tuple[str, dict[str, KnownPose]]:
         if not path:
@@ -133,10 +133,6 @@ class LandmarksNode(Node):
             except ValueError as error:
                 self._readings.refuse(str(error))
             self._longest_s = max(self._longest_s, time.monotonic() - batch.since_s)
-
-    def _tend_topics(self) -> None:
-        self._topics.check_frames()
-        self._topics.publish_shapes(self._survey.estimates())
 
     def _update_landmark(self, batch: Batch) -> None:
         """Publish a landmark with new readings; ValueError if they cannot be used."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from retrolidar_ros.marker.battery import active_share, drawn, life_h
+from retrolidar_ros.marker.battery import active_share, drawn
 from retrolidar_ros.marker.wakeup import THRESHOLD_V, voltage_v, wakeup_range_m
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal
 from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
@@ -58,7 +58,7 @@ def budget(
         'battery': {
             'drawn_ma': asdict(currents),
             'total_ma': currents.total,
-            'life_h': life_h(cell_mah, currents.total),
+            'life_h': cell_mah / currents.total,
         },
     }
 
