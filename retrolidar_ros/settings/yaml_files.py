@@ -71,7 +71,6 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
     """Return the parsed content of a YAML file; ConfigError, which names it, if it is wrong."""
     try:
         return parse(load_yaml(path))
-    except ConfigError as error:
-        raise ConfigError(f'{path}: {error}') from error
     except ValueError as error:
-        raise ConfigError(str(error)) from error
+        where = f'{path}: ' if isinstance(error, ConfigError) else ''  # else it names the path
+        raise ConfigError(f'{where}{error}') from error
