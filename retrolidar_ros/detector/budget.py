@@ -24,18 +24,11 @@ class Thresholds(NamedTuple):
 
 def thresholds(false_ids_per_hour: float, *, zones: int, words: int, bit_s: float) -> Thresholds:
     """Return the thresholds for a budget over all zones (`evaluation.experiments.roc`)."""
-    trials = (
-        zones
-        / _USUAL_ZONES
-        * words
-        / _USUAL_WORDS
-        * BIT_PERIOD_S
-        / bit_s
-        / (false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR)
-    )
-    lenience = min(max(math.log(false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR), -4.0), 4.0)
+    trials = (zones / _USUAL_ZONES) * (words / _USUAL_WORDS) * (BIT_PERIOD_S / bit_s)
+    allowed = false_ids_per_hour / USUAL_FALSE_IDS_PER_HOUR
+    lenience = min(max(math.log(allowed), -4.0), 4.0)
     return Thresholds(
-        evidence=26.0 + math.log(trials),
+        evidence=26.0 + math.log(trials / allowed),
         wandering=6.0,
         word=8.0,
         margin=math.log(1e3) - lenience,

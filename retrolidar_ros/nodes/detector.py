@@ -58,14 +58,14 @@ class DetectorNode(Node):
         )
 
     def _begin(self, settings: DetectorSettings, grid: ZoneGrid) -> None:
-        """Begin to read frames of a grid; ValueError for impossible values."""
+
         self._detector = settings.detector(grid)
         self._agreement = Agreement(settings.values['min_readings'])
         self._settings, self._grid = settings, grid
         self._health.restart(grid)
 
     def _change(self, values: dict[str, Any]) -> None:
-        """Apply new values; ValueError for impossible ones."""
+
         with self._lock:
             if any(values[name] != self._values[name] for name in READING):
                 self._begin(self._settings.changed(**values), self._grid)

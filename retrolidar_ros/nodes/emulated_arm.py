@@ -46,7 +46,6 @@ class EmulatedArmNode(Node):
     """Sends the transform of a sensor that moves as a scene says, and a robot description."""
 
     def __init__(self) -> None:
-        """Declare parameters, and wait for a frame, which names the sensor's TF frame."""
         super().__init__('emulated_arm')
         values = Parameters(self, 'emulated_arm').values
         self._base = check_frame_id('fixed_frame', values['fixed_frame'])

@@ -39,7 +39,6 @@ class LandmarksNode(Node):
     """Publishes the poses of objects, or the robot's among them."""
 
     def __init__(self) -> None:
-        """Declare parameters, load known landmarks, and subscribe."""
         super().__init__('landmarks')
         self._values = values = Parameters(self, 'landmarks').values
         self._fixed = check_frame_id('fixed_frame', values['fixed_frame'])

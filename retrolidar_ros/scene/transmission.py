@@ -32,18 +32,14 @@ def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Fl
     """
     axes = tuple(range(1, levels.ndim))
     before = np.concatenate([np.ones_like(levels[:1]), levels[:-1]])
-
-    def relaxed(before: Floats, levels: Floats, elapsed_s: Floats) -> Floats:
-        return response.integral(before, levels, np.broadcast_to(elapsed_s, levels.shape))
-
     lasting_s = np.expand_dims(np.diff(begin_s), axes)
-    whole = relaxed(before[:-1], levels[:-1], lasting_s)
+    whole = response.integral(before[:-1], levels[:-1], lasting_s)
     passed = np.concatenate([np.zeros_like(levels[:1]), np.cumsum(whole, axis=0)])
     integral = []
     for times_s in edges_s.T:
         bit = np.maximum(np.searchsorted(begin_s, times_s, side='right') - 1, 0)
         since = np.expand_dims(times_s - begin_s[bit], axes)
-        within = relaxed(before[bit], levels[bit], np.maximum(since, 0.0))
+        within = response.integral(before[bit], levels[bit], np.maximum(since, 0.0))
         integral.append(np.where(since < 0, since, passed[bit] + within))
     share: Floats = (integral[1] - integral[0]) / np.expand_dims(np.diff(edges_s)[:, 0], axes)
     return share
