@@ -21,8 +21,7 @@ from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Surface
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Marker, Surface, load_scene
 from retrolidar_ros.scene.reference import RESPONSE
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Recording

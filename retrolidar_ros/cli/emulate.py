@@ -8,9 +8,8 @@ from pathlib import Path
 
 from retrolidar_ros.bag import STORAGES
 from retrolidar_ros.cli.arguments import measured, output_path, seconds
-from retrolidar_ros.scene.description import Waypoint
+from retrolidar_ros.scene.description import Waypoint, load_scene, scene_names
 from retrolidar_ros.scene.emulator import emulate, record
-from retrolidar_ros.scene.files import load_scene, scene_names
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 HELP = 'emulate a sensor that sees a scene'

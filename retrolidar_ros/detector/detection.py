@@ -12,7 +12,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from retrolidar_ros.core import ffi, lib
-from retrolidar_ros.detector.budget import Thresholds
 from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
 
 MAX_TRACKS = int(lib.RL_MAX_TRACKS)
@@ -113,6 +112,16 @@ class DetectorCounts:
     overloads: int = 0  # frames with too many candidates, of which the least likely were dropped
     tracks_ended: int = 0
     tracks_dropped: int = 0  # because there were more than `MAX_TRACKS`
+
+
+class Thresholds(NamedTuple):
+    """Thresholds of log likelihood ratios [nats]."""
+
+    evidence: float  # minimum ratio to noise and a wandering level
+    wandering: float  # added to it where the level wanders
+    word: float  # maximum log likelihood ratio of another bit sequence
+    margin: float  # minimum ratio to any other ID
+    margin_of_more: float  # the same if more packets may follow: then an ambiguous one can wait
 
 
 class Reason(str, Enum):

@@ -9,22 +9,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from retrolidar_ros.core import array, ffi, lib
-from retrolidar_ros.detector.budget import Thresholds, thresholds
 from retrolidar_ros.detector.detection import (
     Bearing,
     Candidate,
     Detection,
     DetectorCounts,
     Reason,
+    Thresholds,
     Track,
     check_grid,
     place,
 )
-from retrolidar_ros.marker.code import PACKET_BITS, RESERVED_IDS, check_ids
-from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
@@ -88,21 +87,17 @@ class LikelihoodDetector:
         grid: ZoneGrid,
         *,
         bit_period_s: float,
-        false_ids_per_hour: float,
+        thresholds: Thresholds,
         max_packets: int,
-        registered_ids: ArrayLike | None,
+        ids: NDArray[np.int64],
         sensor: SensorModel,
     ) -> None:
-        """Prepare for frames of `grid`; parameters as of `create_detector`."""
+        """Prepare for frames of `grid`; the others as of `create_detector`; `ids` are read."""
         self.candidates: Sequence[Candidate] = []
         self._grid = replace(grid, view=sensor.field_of_view)
         self._unplaced = 0
         self._rejections = Rejections(grid)
-        ids = usable_ids(registered_ids)
-        limits = thresholds(
-            false_ids_per_hour, zones=grid.zones, words=len(ids), bit_s=bit_period_s
-        )
-        self.thresholds: Thresholds | None = limits
+        self.thresholds: Thresholds | None = thresholds
         settings = ffi.new(
             'struct rl_settings *',
             {
@@ -110,7 +105,7 @@ class LikelihoodDetector:
                 'max_packets': max_packets,
                 'kept': _MIN_HELD,
                 'bit_s': bit_period_s,
-                'thresholds': limits._asdict(),
+                'thresholds': thresholds._asdict(),
             },
         )
         core = lib.rl_detector_create(settings, array('uint16_t', ids), len(ids))
@@ -273,18 +268,3 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
     )
     fields.update({name: getattr(sensor, name) for name in alike})
     return ffi.new('struct rl_sensor *', fields)
-
-
-def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the registered IDs, or all usable ones, ascending; ValueError for other ones."""
-    if registered_ids is None:
-        return USABLE_IDS
-    ids = np.unique(check_ids(registered_ids))
-    reserved = np.intersect1d(ids, RESERVED_IDS)
-    if len(reserved):
-        raise ValueError(
-            f'registered_ids holds {reserved[0]}, which no marker sends: 1 to 4094 are IDs'
-        )
-    if not len(ids):
-        raise ValueError('registered_ids holds no ID: leave it out to read all')
-    return ids

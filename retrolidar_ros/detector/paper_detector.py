@@ -38,11 +38,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.detector.budget import Thresholds
 from retrolidar_ros.detector.detection import (
     Candidate,
     Detection,
     DetectorCounts,
+    Thresholds,
     Track,
     check_grid,
     place,

@@ -18,8 +18,7 @@ from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import repeat
-from retrolidar_ros.scene.description import Waypoint
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Waypoint, load_scene
 from retrolidar_ros.scene.laboratory import rotation_of
 from retrolidar_ros.scene.optics import along
 from retrolidar_ros.sensor.frame import Floats

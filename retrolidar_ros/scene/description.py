@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
+from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import (
     ConfigError,
     Triple,
@@ -23,6 +25,7 @@ from retrolidar_ros.settings.section import (
     quantity,
     text,
 )
+from retrolidar_ros.settings.yaml_files import load_parsed
 
 NEAREST_M = 1e-3
 MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)
@@ -271,3 +274,24 @@ class Scene:
 def parse_scene(content: object) -> Scene:
     """Return the scene that a YAML file describes; ConfigError as of `mapping`."""
     return mapping(Scene, _check_scene)(content, '')
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that ship with the package."""
+    return sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
+
+
+def find_scene(name: str) -> Path:
+    """Return the file of a scene by path or name; FileNotFoundError, with all names, if none is."""
+    if Path(name).is_file():
+        return Path(name)
+    shipped = shared_file('config/scenes') / f'{name}.yaml'
+    if shipped.is_file():
+        return shipped
+    known = ', '.join(scene_names())
+    raise FileNotFoundError(f'there is no scene {name}; give a file, or one of {known}')
+
+
+def load_scene(name: str) -> Scene:
+    """Return a scene by path or name; errors as of `find_scene` and `load_parsed`."""
+    return load_parsed(find_scene(name), parse_scene)

@@ -36,7 +36,7 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_header, to_pose, to_time, to_transform, vector_of
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.transforms import _LISTENING_S, TransformFinder, TransformSender
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.survey_files import survey_content
 

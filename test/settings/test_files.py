@@ -16,7 +16,7 @@ from retrolidar_ros.detector.methods import MAX_PACKETS, METHODS, create_detecto
 from retrolidar_ros.detector.parameters import READING
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
-from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.scene.description import find_scene, load_scene
 from retrolidar_ros.sensor.model import NoiseLaw
 from retrolidar_ros.sensor.serial_source import PROTOCOLS
 from retrolidar_ros.settings import resources
