@@ -23,7 +23,7 @@ from retrolidar_ros.scene.description import Marker, Scene, find_scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 from retrolidar_ros.sensor.frame import Floats, Frame
 from retrolidar_ros.sensor.wire import encode_frame
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml
 
 STAMP_ERROR_S = 0.050
 PATIENCE_S = 60.0

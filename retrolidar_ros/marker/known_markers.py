@@ -13,8 +13,8 @@ import numpy as np
 from retrolidar_ros.marker.code import IDS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
+from retrolidar_ros.settings.files import load_parsed
 from retrolidar_ros.settings.section import ConfigError, Triple, keyed, mapping, place, text
-from retrolidar_ros.settings.yaml_files import load_parsed
 
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')  # TF accepts no leading slash
 _MAX_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name

@@ -14,7 +14,7 @@ import numpy as np
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import load_parsed, shared_file
 from retrolidar_ros.settings.section import (
     ConfigError,
     Triple,
@@ -25,7 +25,6 @@ from retrolidar_ros.settings.section import (
     quantity,
     text,
 )
-from retrolidar_ros.settings.yaml_files import load_parsed
 
 NEAREST_M = 1e-3
 MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)

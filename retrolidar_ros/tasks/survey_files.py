@@ -12,8 +12,8 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
+from retrolidar_ros.settings.files import load_parsed, yaml_text
 from retrolidar_ros.settings.section import ConfigError, keyed, text
-from retrolidar_ros.settings.yaml_files import load_parsed, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
 from retrolidar_ros.tasks.reading import KnownPose
 

@@ -14,7 +14,7 @@ from std_msgs.msg import Bool, String
 
 from retrolidar_ros.nodes.conversion import from_pose, vector_of
 from retrolidar_ros.scene.description import load_scene
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 
 @pytest.fixture(scope='module')

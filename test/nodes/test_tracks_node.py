@@ -17,7 +17,7 @@ from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 
 @pytest.fixture(scope='module')
