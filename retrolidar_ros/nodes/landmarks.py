@@ -55,7 +55,7 @@ class LandmarkTopics:
         self._taken: set[str] = set()  # frames that have another parent
         self._broadcaster = TransformBroadcaster(node) if send else None
         self._shapes = publisher(node, MarkerArray, '~/marker_array', LATCHED)
-        self._shapes_due = False
+        self.shapes_due = False  # whether landmarks have changed since their shapes were sent
 
     def publish(self, estimate: Estimate) -> None:
         """Publish the pose of a landmark, and its transform."""
@@ -69,7 +69,7 @@ class LandmarkTopics:
             self._check_frames()
         message = to_pose_msg(header, estimate.position_m, estimate.rotation, estimate.covariance)
         self._poses[name].publish(message)
-        self._shapes_due = True
+        self.shapes_due = True
         child = self._frame_of(name)
         if self._broadcaster is not None and child not in self._taken:
             self._broadcaster.sendTransform([to_transform(header, child, message.pose.pose)])
@@ -95,17 +95,13 @@ class LandmarkTopics:
             self._node.destroy_publisher(pose)
         self._poses.clear()
         self._taken.clear()
-        self._shapes_due = True
-
-    def change(self) -> None:
-        """Take note that landmarks have changed that are not published."""
-        self._shapes_due = True
+        self.shapes_due = True
 
     def update(self, estimates: Sequence[Estimate]) -> None:
         """Check frames, and publish the shapes of all landmarks if any changed; once a second."""
         self._check_frames()
-        if self._shapes_due and self._shapes.get_subscription_count():
-            self._shapes_due = False
+        if self.shapes_due and self._shapes.get_subscription_count():
+            self.shapes_due = False
             stamp = self._node.get_clock().now().to_msg()
             shapes = landmark_shapes(Header(stamp=stamp, frame_id=self._fixed), estimates)
             self._shapes.publish(MarkerArray(markers=shapes))
@@ -266,7 +262,7 @@ class LandmarksNode(Node):
         self._survey.restart()
         if self._room is not None:
             self._room.restart()
-        self._topics.change()
+        self._topics.shapes_due = True
 
     def _examine(self) -> Health:
         values = {}

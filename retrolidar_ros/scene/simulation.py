@@ -23,7 +23,6 @@ from retrolidar_ros.scene.transmission import (
     Transmission,
     exposure_edges,
     recurring_share,
-    visible_share,
 )
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import VL53L8CX, Status
@@ -146,8 +145,9 @@ class Simulation:
         range_m = np.linalg.norm(position_m, axis=-1)
         blocked = 1 - transmission.mean(exposure_edges(middle_s, self.period_s))
         light = 1 - marker.contrast * blocked
-        if marker.occlusion is not None:
-            light = light * visible_share(marker.occlusion, middle_s, self.period_s)
+        if (hidden := marker.occlusion) is not None:
+            share = recurring_share(hidden.every_s, hidden.lasting_s, middle_s, self.period_s)
+            light = light * (1 - share)
         light = light * received_signal(
             range_m, marker.size_m**2, marker.yaw_rad, marker.signal_at_1_m
         )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.scene.description import Marker, Occlusion, Response
+from retrolidar_ros.scene.description import Marker, Response
 from retrolidar_ros.sensor.frame import Floats
 
 _AT_ONCE = Response(dark_s=0.0, bright_s=0.0)
@@ -91,8 +91,3 @@ def recurring_share(
     half = exposure_s / 2
     lasted: Floats = lasted_until(middle_s + half) - lasted_until(middle_s - half)
     return lasted / exposure_s
-
-
-def visible_share(occlusion: Occlusion, middle_s: Floats, exposure_s: float) -> Floats:
-    """Return the share of each exposure, 0 to 1, in which the occlusion leaves a free sight."""
-    return 1 - recurring_share(occlusion.every_s, occlusion.lasting_s, middle_s, exposure_s)
