@@ -214,19 +214,17 @@ def plot_readings(
     _places(here, shown, readings, markers)
     names = {marker.id: marker.name for marker in markers}
     right = spaces[:rows, 1]
-    if panels := len(chosen) + len(unread):
-        parts = right.subgridspec(panels, 1)
-        panel = [figure.add_subplot(parts[one, 0]) for one in range(panels)]
-    else:
-        _every_zone(figure, right, shown)
-        panel = []
-    for axes, reading in zip(panel, chosen, strict=False):
+    parts = right.subgridspec(max(len(chosen), len(unread), 1), 1)
+    for index, reading in enumerate(chosen):
         name = names.get(reading.id, 'ghost' if names else 'marker')
-        _signal_with_bits(axes, shown, reading, name)
+        _signal_with_bits(figure.add_subplot(parts[index, 0]), shown, reading, name)
     middle_s, half_s = float(time_s[-1]) / 2, _SHOWN_BITS * BIT_PERIOD_S / 2
-    for axes, (zone, decibels, *_) in zip(panel, unread, strict=False):
+    for index, (zone, decibels, *_) in enumerate(unread):
+        axes = figure.add_subplot(parts[index, 0])
         title = f'zone {zone} blinks by {decibels:.0f} dB: not read'
         _signal(axes, shown, zone, middle_s - half_s, middle_s + half_s, zones[zone], title)
+    if not chosen and not unread:
+        _every_zone(figure, right, shown)
     if zones:
         above = figure.add_subplot(spaces[rows, :])
         _signals(above, shown)

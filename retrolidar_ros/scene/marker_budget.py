@@ -21,7 +21,7 @@ SENSOR_REACH_M = 4.0  # to what distance a VL53L8CX measures
 def budget(
     *, size_m: float, yaw_rad: float, distance_m: float, cell_mah: float, queries_per_hour: float
 ) -> dict[str, Any]:
-    """Return what to expect of a marker, fit for JSON: the parameters, and three dicts.
+    """Return what to expect of a marker, fit for JSON: three dicts.
 
     `link` has the signals [kcps/SPAD] before the reference wall, the noise at the mean of both, c
     over sigma (None if nothing comes back), and to what distance 80 % of lone packets are read;
@@ -37,11 +37,6 @@ def budget(
     noise = math.sqrt(NOISE.floor + NOISE.slope * (WALL_SIGNAL + swing / 2))
     reach_m = (needed_swing(NEEDED_SNR_DB) / at_1_m) ** (1 / DISTANCE_EXPONENT) if at_1_m else 0.0
     return {
-        'size_m': size_m,
-        'yaw_rad': yaw_rad,
-        'distance_m': distance_m,
-        'cell_mah': cell_mah,
-        'queries_per_hour': queries_per_hour,
         'link': {
             'bright': WALL_SIGNAL + swing,
             'dark': WALL_SIGNAL,
