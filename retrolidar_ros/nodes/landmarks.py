@@ -18,7 +18,7 @@ from tf2_ros import TransformBroadcaster
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector.parameters import known_markers
-from retrolidar_ros.marker.known_markers import objects_of
+from retrolidar_ros.marker.known_markers import KnownMarker, objects_of
 from retrolidar_ros.nodes.conversion import Marked, to_header, to_pose_msg, to_transform
 from retrolidar_ros.nodes.detection_subscriber import TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
@@ -134,14 +134,9 @@ class LandmarksNode(Node):
         self._survey = Survey(objects, errors, known)
         self._room = None
         if values['localize']:
-            alone: dict[str, dict[int, Floats]] = {
-                name: {int(name.removeprefix('marker_')): np.zeros(3)}
-                for name in known
-                if re.fullmatch(r'marker_\d+', name)
-            }
-            for marker in markers.values():
-                if not marker.object:
-                    alone[marker.frame] = {marker.id: np.zeros(3)}
+            usual = (int(name[7:]) for name in known if re.fullmatch(r'marker_\d+', name))
+            lone = (one for one in (*map(KnownMarker, usual), *markers.values()) if not one.object)
+            alone: dict[str, dict[int, Floats]] = {one.frame: {one.id: np.zeros(3)} for one in lone}
             self._room = room_of(known, alone | objects, errors, flat=values['flat'])
             self._pose = publisher(self, PoseWithCovarianceStamped, '~/pose', STREAM)
         elif known and frame != self._fixed:
