@@ -141,11 +141,11 @@ class Response:
     def integral(self, before: Floats, level: Floats, elapsed_s: Floats) -> Floats:
         """Return the integral of the relaxation from one level to the next [s].
 
-        Levels are transmissions, 0 to 1, of one shape (...), to which the time since the edge
-        between them, `elapsed_s`, is broadcast. A bit lasts many time constants, so it starts at
-        the level `before`.
+        Levels are transmissions, 0 to 1, and `elapsed_s` is the time since the edge between them;
+        their shapes (...) are broadcast. A bit lasts many time constants, so it starts at the level
+        `before`.
         """
-        elapsed_s = np.broadcast_to(elapsed_s, level.shape)
+        before, level, elapsed_s = np.broadcast_arrays(before, level, elapsed_s)
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
