@@ -19,8 +19,7 @@ from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import repeat
 from retrolidar_ros.scene.description import Waypoint, load_scene
-from retrolidar_ros.scene.laboratory import rotation_of
-from retrolidar_ros.scene.optics import along
+from retrolidar_ros.scene.optics import along, rotation_of
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 

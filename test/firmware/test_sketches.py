@@ -21,9 +21,16 @@ from harness_firmware import (
 )
 from numpy.typing import NDArray
 
-from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
-from retrolidar_ros.marker.wakeup import LOOK_EVERY_S, LOOK_S, WAKING_S
+from retrolidar_ros.marker.power import (
+    CELL_MAH,
+    LOOK_EVERY_S,
+    LOOK_S,
+    PROTOTYPE,
+    WAKING_S,
+    active_share,
+    drawn,
+)
 from retrolidar_ros.scene.emulator import VERSION
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.identity import KIND_IDENTITY, Identity, decode_identity
