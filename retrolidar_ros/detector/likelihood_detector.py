@@ -161,35 +161,35 @@ class LikelihoodDetector:
         values = [array('float', one) for one in (frames.signal, frames.distance, frames.ambient)]
         values.append(array('uint8_t', frames.status))
         detections: list[Detection] = []
-        self.candidates = []
+        self.candidates = judged = list[Candidate]()
         taken, count = 0, len(stamp_ns)
         while taken < count:
             left = (one + taken * self._grid.zones for one in values)
             taken += lib.rl_detector_push(self._core, count - taken, stamps + taken, *left)
             if lib.rl_detector_newest(self._core).candidates:
-                detections += self._take(int(stamp_ns[taken - 1]))
+                detections += self._take(int(stamp_ns[taken - 1]), judged)
         if count:
             self._rejections.settle(int(stamp_ns[-1]))
         return detections
 
-    def _take(self, now_ns: int) -> list[Detection]:
-        """Return the detections of the newest frame, and store the candidates."""
+    def _take(self, now_ns: int, judged: list[Candidate]) -> list[Detection]:
+        """Return the detections of the newest frame, and append its candidates."""
         newest = lib.rl_detector_newest(self._core)
         candidates = [
             Candidate(
-                id=judged.id,
-                zone=judged.channel,
-                packets=judged.packets,
-                reason=_REASONS.get(judged.reason),
-                start_ns=newest.origin_ns + round(judged.transmission.start_s * 1e9),
-                bit_period_s=judged.transmission.bit_s,
-                evidence=judged.evidence,
-                word=judged.word,
-                margin=judged.margin,
+                id=one.id,
+                zone=one.channel,
+                packets=one.packets,
+                reason=_REASONS.get(one.reason),
+                start_ns=newest.origin_ns + round(one.transmission.start_s * 1e9),
+                bit_period_s=one.transmission.bit_s,
+                evidence=one.evidence,
+                word=one.word,
+                margin=one.margin,
             )
-            for judged in newest.candidate[0 : newest.candidates]
+            for one in newest.candidate[0 : newest.candidates]
         ]
-        self.candidates = [*self.candidates, *candidates]
+        judged += candidates
         detections = []
         for reading in newest.reading[0 : newest.readings]:
             if reading.is_placed:
