@@ -29,10 +29,10 @@ from evaluation.bench.disturbances import restless_blocks
 from evaluation.bench.reference_scene import marker_in_each_zone
 from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.bag import FrameWriter, read_frames
+from retrolidar_ros.cli.decode import to_json
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
-from retrolidar_ros.detector.text import to_json
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid

@@ -24,7 +24,7 @@ from retrolidar_ros.cli.demo import start_emulator
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.scene.files import find_scene
+from retrolidar_ros.scene.description import find_scene
 
 SETTLING_S = 5.0
 HALF_EXPOSURE_S = 0.0105

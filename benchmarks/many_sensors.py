@@ -26,11 +26,11 @@ from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.cli.processes import ProcessGroup
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.emulator import PortLink
-from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.wire import encode_frame
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 SCENE = load_scene('coffee')
 PERIOD_S = SCENE.sensor.period_s

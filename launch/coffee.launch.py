@@ -17,7 +17,7 @@ from retrolidar_ros.nodes.launching import (
 )
 from retrolidar_ros.nodes.viewing import viewer
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 
 
 def _coffee(context):

@@ -19,12 +19,11 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.nodes.listener import Listener
-from retrolidar_ros.scene.description import Marker, Scene
+from retrolidar_ros.scene.description import Marker, Scene, find_scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
-from retrolidar_ros.scene.files import find_scene
 from retrolidar_ros.sensor.frame import Floats, Frame
 from retrolidar_ros.sensor.wire import encode_frame
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml
 
 STAMP_ERROR_S = 0.050
 PATIENCE_S = 60.0

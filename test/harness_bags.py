@@ -12,7 +12,7 @@ import pytest
 
 from retrolidar_ros.bag import FRAME_TYPE, FRAMES_TOPIC, BagError, FrameWriter, read_frames
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2', reason='bags are written with rosbags')
 typesys = pytest.importorskip('rosbags.typesys')

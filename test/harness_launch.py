@@ -33,7 +33,7 @@ SCRIPT = """
 import sys
 from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
 include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),

@@ -20,7 +20,7 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_frame_msg
 from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 
 FRAME_ID = 'retrolidar_optical_frame'
 COFFEE_IDS = {2073, 2096, 2107}

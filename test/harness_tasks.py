@@ -32,7 +32,7 @@ from retrolidar_ros.nodes.conversion import (
 from retrolidar_ros.scene.description import Marker, Scene
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.rotation import quaternion_of
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml
 
 SENSOR_FRAME = 'retrolidar_optical_frame'
 OBJECTS = ('beans', 'machine', 'mug')

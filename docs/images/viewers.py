@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 
 from retrolidar_ros.scene import Simulation
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.sensor.frame import Floats
 
 ROOT = Path(__file__).resolve().parents[2]

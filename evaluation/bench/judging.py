@@ -12,7 +12,6 @@ from evaluation.bench.rates import Rate, rate
 from evaluation.bench.recordings import Sent
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
 from retrolidar_ros.detector.detection import Track
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.sensor.frame import Frame, Recording
 
 Options = Mapping[str, Any]  # of `create_detector`; 'method' among them
@@ -39,9 +38,8 @@ class Step(NamedTuple):
 def watch(detector: Detector, recording: Recording, *, follow: bool = False) -> Iterator[Step]:
     """Give frames to a detector one by one, and yield what comes with each."""
     for frame in recording:
-        found, tracks = detector.update(frame), []
-        if follow and isinstance(detector, LikelihoodDetector):
-            tracks = detector.follow(frame)
+        found = detector.update(frame)
+        tracks = detector.follow(frame) if follow else []
         yield Step(1e-9 * (frame.stamp_ns - int(recording.stamp_ns[0])), frame, found, tracks)
 
 

@@ -22,8 +22,7 @@ from evaluation.bench.places import ELLIPSOID, PlaceError, place_error, rotation
 from evaluation.report.claims import Table, markdown
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Marker, Wander
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Marker, Wander, load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR
 from retrolidar_ros.sensor.frame import Floats

@@ -28,7 +28,7 @@ from retrolidar_ros.scene.description import (
 )
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
-from retrolidar_ros.scene.transmission import Transmission, exposure_edges, visible_share
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges, recurring_share
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import Status
 
@@ -184,7 +184,8 @@ class _Zones(Simulation):
             light *= 1 + stress.sway * np.sin(turn + rng.uniform(0, 2 * math.pi, markers))
         if stress.occlusion is not None:
             shifted_s = middle_s[:, None] + stress.occlusion.every_s * (1 + rng.random(markers))
-            light *= visible_share(stress.occlusion, shifted_s, self.period_s)
+            every_s, lasting_s = stress.occlusion.every_s, stress.occlusion.lasting_s
+            light *= 1 - recurring_share(every_s, lasting_s, shifted_s, self.period_s)
         if stress.second:
             # Any ID but that of the first marker of the zone.
             ids = self._ids

@@ -23,8 +23,7 @@ from evaluation.bench.room_markers import (
     room_marker,
 )
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS
-from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene import laboratory as lab
+from retrolidar_ros.scene import Scene, Simulation, optics
 from retrolidar_ros.scene.description import (
     MARKER_SIZE_M,
     MovingSurface,
@@ -93,7 +92,7 @@ class RoomSimulation(Simulation):
             depth.append(range_m[:, None] * sensor.grid.z_per_range)
         surfaces = []
         for surface in self.scene.surfaces:
-            light, z = lab.see_surface(sensor, surface, middle_s)
+            light, z = optics.see_surface(sensor, surface, middle_s)
             on = light > 0
             if self.room.cloth[0]:
                 light = light + walk(shape, *self.room.cloth, self._rng)
@@ -101,7 +100,7 @@ class RoomSimulation(Simulation):
             depth.append(z)
         self.hidden = np.zeros_like(self.bright)
         for moving in self.scene.moving_surfaces:
-            light, z, hidden = lab.see_moving(sensor, moving, middle_s)
+            light, z, hidden = optics.see_moving(sensor, moving, middle_s)
             for index in range(len(markers)):
                 behind = np.where(depth[index] > z, hidden, 0.0)
                 self.hidden[index] = np.maximum(self.hidden[index], behind)

@@ -21,7 +21,6 @@ from evaluation.experiments.paper_sweeps import lone_packets
 from evaluation.report.chart_style import draw_shares, label, legend_under, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
@@ -45,7 +44,6 @@ def searched_ids(sent: Sent) -> NDArray[np.int64]:
     """Return the ID of most evidence in each zone, 0 without any; shape (zones,)."""
     zones = sent.recording.grid.zones
     detector = create_detector('joint', sent.recording.grid, false_ids_per_hour=_LAX)
-    assert isinstance(detector, LikelihoodDetector)
     detector.update_all(sent.recording)
     ids = np.zeros(zones, dtype=np.int64)
     max_evidence = np.zeros(zones)

@@ -18,11 +18,10 @@ from evaluation.report.chart_style import (
 )
 from evaluation.report.claims import Claim, Claims
 from retrolidar_ros.detector import Detection, create_detector
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector, Reason
+from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Surface
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Marker, Surface, load_scene
 from retrolidar_ros.scene.reference import RESPONSE
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges
 from retrolidar_ros.sensor.frame import Recording
@@ -65,7 +64,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     scene = Scene(sensor=load_scene('coffee').sensor, markers=(_MARKER,), surfaces=(_WALL,))
     recording = Simulation(scene, rng).run(_DURATION_S)
     detector = create_detector('joint', recording.grid)
-    assert isinstance(detector, LikelihoodDetector)
+    assert detector.thresholds is not None
     rows: list[dict[str, Any]] = []
     detections: list[Detection] = []
     for step in watch(detector, recording):

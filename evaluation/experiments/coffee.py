@@ -20,7 +20,7 @@ from evaluation.report.chart_style import label, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, as_text, model
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.tasks.objects import ObjectBoard
 from retrolidar_ros.tasks.reading import SensorPose

@@ -15,8 +15,7 @@ from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, share
 from retrolidar_ros.detector import METHODS, create_detector
 from retrolidar_ros.detector.detection import Place
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Occlusion, Wander
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Marker, Occlusion, Wander, load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.sensor.frame import Recording
 

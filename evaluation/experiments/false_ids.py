@@ -24,7 +24,7 @@ from evaluation.report.chart_style import label, look, new_chart
 from evaluation.report.claims import per_hour, write_figures
 from retrolidar_ros.cli.processes import end_with_parent
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
+from retrolidar_ros.detector.methods import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'False IDs, hour by hour'

@@ -24,8 +24,7 @@ from evaluation.report.chart_style import (
     new_chart,
 )
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Marker
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Marker, load_scene
 
 TITLE = 'Landmarks: readings from several places'
 

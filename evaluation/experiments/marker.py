@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The marker in closed form: what wakes it, and how long its cell lasts (paper §5, §6.5).
 
-Levels, ranges and currents follow from `retrolidar_ros.marker.wakeup` and `.battery`. How far
-single readings of the noise scatter about their level the paper does not say: a root mean square
-over a look of T seconds of white Gaussian noise of a bandwidth B has 2·B·T independent samples, so
-its square is distributed as chi-squared.
+Levels, ranges and currents follow from `retrolidar_ros.marker.power`. How far single readings of
+the noise scatter about their level the paper does not say: a root mean square over a look of T
+seconds of white Gaussian noise of a bandwidth B has 2·B·T independent samples, so its square is
+distributed as chi-squared.
 """
 
 import math
@@ -17,8 +17,8 @@ import numpy as np
 
 from evaluation.report.chart_style import OTHERS, draw_level, label, legend_beside, new_chart
 from evaluation.report.claims import Claims, as_text, model
-from retrolidar_ros.marker import wakeup
-from retrolidar_ros.marker.battery import CELL_MAH, PROTOTYPE, active_share, drawn, life_h
+from retrolidar_ros.marker import power
+from retrolidar_ros.marker.power import CELL_MAH, PROTOTYPE, active_share, drawn
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 TITLE = 'The marker: waking and battery'
@@ -27,7 +27,7 @@ _NARROW_FIELD_RAD = math.radians(18)
 # The transimpedance amplifier is one pole of 2 MΩ and 3 pF (paper §5); as much white noise passes
 # it as a sharp filter of π/2 times its corner.
 AMPLIFIER_HZ = math.pi / 2 / (2 * math.pi * 2e6 * 3e-12)
-_LOOKS_AN_HOUR = 3600 / wakeup.LOOK_EVERY_S
+_LOOKS_AN_HOUR = 3600 / power.LOOK_EVERY_S
 _BANDWIDTHS_HZ = np.geomspace(1e4, 3e6, 40)
 _RANGES_M = np.linspace(0.6, 4.0, 69)
 _ANGLES_DEG = (0, 30, 50)
@@ -47,15 +47,15 @@ def guard_v(bandwidth_hz: float, chance: float, noise_v: float) -> float:
 
     The quantile of chi-squared is that of Wilson and Hilferty (1931).
     """
-    samples = 2 * bandwidth_hz * wakeup.LOOK_S
+    samples = 2 * bandwidth_hz * power.LOOK_S
     normal = NormalDist().inv_cdf(1 - chance)
-    power = (1 - 2 / (9 * samples) + normal * math.sqrt(2 / (9 * samples))) ** 3
-    return noise_v * (math.sqrt(power) - 1)
+    raised = (1 - 2 / (9 * samples) + normal * math.sqrt(2 / (9 * samples))) ** 3
+    return noise_v * (math.sqrt(raised) - 1)
 
 
 def false_per_hour(bandwidth_hz: float, threshold_v: float, noise_v: float) -> float:
     """Return how often noise alone passes a threshold in an hour."""
-    samples = 2 * bandwidth_hz * wakeup.LOOK_S
+    samples = 2 * bandwidth_hz * power.LOOK_S
     root = ((threshold_v / noise_v) ** 2) ** (1 / 3)
     normal = (root - 1 + 2 / (9 * samples)) / math.sqrt(2 / (9 * samples))
     return _LOOKS_AN_HOUR * 0.5 * math.erfc(normal / math.sqrt(2))
@@ -70,36 +70,36 @@ def narrow_gain() -> float:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return voltages, ranges, guards and lives; nothing is random."""
-    indoors = wakeup.NOISE_V['indoors']
+    indoors = power.NOISE_V['indoors']
     hourly, shares = active_share(1), [active_share(one) for one in _QUERIES.tolist()]
     guards = [guard_v(hertz, 1 / _LOOKS_AN_HOUR, indoors) for hertz in _BANDWIDTHS_HZ.tolist()]
     max_ma = CELL_MAH / (2 * _YEAR_H)
     asleep = drawn(hourly, _CHEAP_LOOKS)
     reaches = {
-        name: wakeup.wakeup_range_m(wakeup.THRESHOLD_V, noise)
-        for name, noise in wakeup.NOISE_V.items()
+        name: power.wakeup_range_m(power.THRESHOLD_V, noise)
+        for name, noise in power.NOISE_V.items()
     }
     return {
         'wakes_to_m': {name: at if math.isfinite(at) else None for name, at in reaches.items()},
-        'at_1_m_v': float(wakeup.voltage_v(np.array(1.0))),
+        'at_1_m_v': float(power.voltage_v(np.array(1.0))),
         # If voltages added, the guard alone would be the light at the reach.
-        'voltages_added_at_1_m_v': indoors + wakeup.GUARD_V * wakeup.REACH_M**2,
-        'narrow_m': wakeup.REACH_M * math.sqrt(narrow_gain()),
+        'voltages_added_at_1_m_v': indoors + power.GUARD_V * power.REACH_M**2,
+        'narrow_m': power.REACH_M * math.sqrt(narrow_gain()),
         'amplifier': {
-            'false_per_hour': false_per_hour(AMPLIFIER_HZ, wakeup.THRESHOLD_V, indoors),
+            'false_per_hour': false_per_hour(AMPLIFIER_HZ, power.THRESHOLD_V, indoors),
             'guard_v': guard_v(AMPLIFIER_HZ, 1 / _LOOKS_AN_HOUR, indoors),
         },
         'bandwidths_hz': _BANDWIDTHS_HZ.tolist(),
-        'safe_m': [wakeup.wakeup_range_m(indoors + guard) for guard in guards],
+        'safe_m': [power.wakeup_range_m(indoors + guard) for guard in guards],
         'once_an_hour_h': {
-            name: life_h(CELL_MAH, drawn(hourly, parts).total) for name, parts in PARTS.items()
+            name: CELL_MAH / drawn(hourly, parts).total for name, parts in PARTS.items()
         },
-        'awake_h': life_h(CELL_MAH, PROTOTYPE.active),
-        'mean_of_100_ua_h': life_h(CELL_MAH, OPTIMISED_MA),
+        'awake_h': CELL_MAH / PROTOTYPE.active,
+        'mean_of_100_ua_h': CELL_MAH / OPTIMISED_MA,
         'two_years_active_ma': (max_ma - asleep.sleep - asleep.detection) / hourly,
         'queries_per_hour': _QUERIES.tolist(),
         'over_queries_h': {
-            name: [life_h(CELL_MAH, drawn(share, parts).total) for share in shares]
+            name: [CELL_MAH / drawn(share, parts).total for share in shares]
             for name, parts in PARTS.items()
         },
     }
@@ -142,17 +142,17 @@ def draw(figures: dict[str, Any]) -> Any:
     )
     figure, (volts, reach, life) = new_chart(3, 2, 7.4, title)
     for angle, colour in zip(_ANGLES_DEG, OTHERS, strict=False):
-        course = 1e3 * wakeup.voltage_v(_RANGES_M, math.radians(angle))
+        course = 1e3 * power.voltage_v(_RANGES_M, math.radians(angle))
         volts.plot(_RANGES_M, course, color=colour, label=f'{angle}°')
     volts.plot(1.0, 1e3 * WITH_LIDAR_V, 'kD')
     volts.annotate("paper's Tab. 5", (1.0, 1e3 * WITH_LIDAR_V), (1.2, 40), fontsize=10)
-    draw_level(volts, 1e3 * wakeup.THRESHOLD_V, 'threshold')
-    draw_level(volts, 1e3 * wakeup.NOISE_V['outdoors'], 'noise outdoors', linestyle=':')
+    draw_level(volts, 1e3 * power.THRESHOLD_V, 'threshold')
+    draw_level(volts, 1e3 * power.NOISE_V['outdoors'], 'noise outdoors', linestyle=':')
     volts.legend(title='indoors, turned by', frameon=False, fontsize=10.5)
     label(volts, 'distance [m]', 'behind both filters [mV rms]', ylim=(10, 70))
     hertz = 1e-3 * np.array(figures['bandwidths_hz'])
     reach.plot(hertz, figures['safe_m'], color=OTHERS[0])
-    draw_level(reach, wakeup.REACH_M, "the paper's reach, guard 1 mV", 0.75)
+    draw_level(reach, power.REACH_M, "the paper's reach, guard 1 mV", 0.75)
     reach.axvline(1e-3 * AMPLIFIER_HZ, color='k', linewidth=1, linestyle='--')
     reach.text(1.15e-3 * AMPLIFIER_HZ, 0.3, 'passes the first amplifier', fontsize=10)
     x, title = 'bandwidth of white noise [kHz]', 'one false wake-up an hour'

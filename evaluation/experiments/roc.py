@@ -21,7 +21,7 @@ from evaluation.bench.recordings import record_at
 from evaluation.report.chart_style import label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, per_hour
 from retrolidar_ros.detector import METHODS, Detection, create_detector
-from retrolidar_ros.detector.budget import USUAL_FALSE_IDS_PER_HOUR
+from retrolidar_ros.detector.methods import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper_detector import LIKELIHOOD_THRESHOLD
 from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import choose_ids

@@ -150,27 +150,21 @@ def read_sqlite(file: Path, topic: str, types: dict[str, str]) -> Iterator[bytes
     is_short = size < page * pages and not logs
     short = f'the file ends at byte {size} of {page * pages}' if is_short else ''
     try:
-        if logs:
-            with TemporaryDirectory() as directory:  # SQLite repairs the copy, and leaves the bag
+        with TemporaryDirectory() as directory:
+            if logs or (short and size % page):  # repaired as a copy, which leaves the bag as it is
                 for part in (file, *logs):
                     shutil.copy(part, directory)
-                yield from _read_database(Path(directory, file.name), topic, types, mode='rw')
-        elif short and size % page:
-            with TemporaryDirectory() as directory:
-                whole = Path(shutil.copy(file, directory))
-                os.truncate(whole, size - size % page)  # else SQLite reads zeros after the end
-                yield from _read_database(whole, topic, types)
-        else:
-            yield from _read_database(file, topic, types)
+                file = Path(directory, file.name)
+                if short:
+                    os.truncate(file, size - size % page)  # else SQLite reads zeros after the end
+            yield from _read_database(file, topic, types, 'rw' if logs else 'ro&immutable=1')
     except sqlite3.Error as error:
         raise DamageError(short or str(error)) from error
     if short:
         raise DamageError(short)
 
 
-def _read_database(
-    file: Path, topic: str, types: dict[str, str], mode: str = 'ro&immutable=1'
-) -> Iterator[bytes]:
+def _read_database(file: Path, topic: str, types: dict[str, str], mode: str) -> Iterator[bytes]:
     """Yield the messages of a topic from a database that may have lost its end."""
     uri = f'{file.absolute().as_uri()}?mode={mode}'
     with closing(sqlite3.connect(uri, uri=True)) as connection:

@@ -17,7 +17,7 @@ from retrolidar_ros.bag.messages import (
     decompress_file,
 )
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml
 
 FRAMES_TOPIC = '/retrolidar/frames'
 

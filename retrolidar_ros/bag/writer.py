@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from retrolidar_ros.bag.messages import ARRAYS, FRAME_TYPE, INSTALL, BagError
 from retrolidar_ros.bag.reader import FRAMES_TOPIC
 from retrolidar_ros.sensor.frame import Frame
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

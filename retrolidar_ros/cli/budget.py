@@ -7,8 +7,7 @@ import json
 import math
 from typing import Any
 
-from retrolidar_ros.scene.marker_budget import SENSOR_REACH_M, SNR, budget
-from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.scene.reference import SENSOR, SENSOR_REACH_M, SNR, budget
 from retrolidar_ros.settings.section import quantity
 
 HELP = 'expected link, wake-up and battery life of a marker'
@@ -36,13 +35,14 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.distance, '--distance'
     )
     zone_m = distance_m * float((SENSOR.grid.pitch * SENSOR.grid.z_per_range).min())
-    found = budget(
-        size_m=quantity('length', 1e-3, zone_m, bare=True)(arguments.size, '--size'),
-        yaw_rad=quantity('angle', -math.pi / 2, math.pi / 2)(arguments.yaw, '--yaw'),
-        distance_m=distance_m,
-        cell_mah=quantity('charge', 1.0)(arguments.cell, '--cell'),
-        queries_per_hour=arguments.queries,
-    )
+    given = {
+        'size_m': quantity('length', 1e-3, zone_m, bare=True)(arguments.size, '--size'),
+        'yaw_rad': quantity('angle', -math.pi / 2, math.pi / 2)(arguments.yaw, '--yaw'),
+        'distance_m': distance_m,
+        'cell_mah': quantity('charge', 1.0)(arguments.cell, '--cell'),
+        'queries_per_hour': arguments.queries,
+    }
+    found = given | budget(**given)
     print(json.dumps(found) if arguments.json else _text(found))
     return 0
 

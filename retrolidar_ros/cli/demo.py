@@ -16,9 +16,9 @@ from retrolidar_ros.cli.arguments import output_path
 from retrolidar_ros.cli.picture import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.scene.description import find_scene, load_scene
 from retrolidar_ros.scene.truth import judge, table
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 if TYPE_CHECKING:
     from retrolidar_ros.nodes.listener import Listener

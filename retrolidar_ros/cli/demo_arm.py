@@ -22,7 +22,7 @@ from retrolidar_ros.nodes.qos import LATCHED
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.truth import is_inside
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 _BEFORE_S = 3.0  # from the start of the emulator to the time zero of the scene
 _LATE_S = 1.0  # the estimate of a place is complete so long after the hand has left it

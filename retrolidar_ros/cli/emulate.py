@@ -4,13 +4,13 @@
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from retrolidar_ros.bag import STORAGES
 from retrolidar_ros.cli.arguments import measured, output_path, seconds
-from retrolidar_ros.scene.description import Waypoint
+from retrolidar_ros.scene.description import Waypoint, load_scene, scene_names
 from retrolidar_ros.scene.emulator import emulate, record
-from retrolidar_ros.scene.files import load_scene, scene_names
 from retrolidar_ros.settings.interrupts import interrupted_once
 
 HELP = 'emulate a sensor that sees a scene'
@@ -72,12 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
         frames = record(scene, arguments.bag, arguments.storage, duration_s)
         print(f'{frames} frames of {duration_s:g} s in {arguments.bag}')
         return 0
-
-    def say_ready() -> None:
-        print(f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it', flush=True)
-
+    told = f'a sensor is at {arguments.port_link}; Ctrl-C unplugs it'
+    ready = partial(print, told, flush=True)
     start_ns = None if arguments.start is None else round(arguments.start * 1e9)
     with interrupted_once():
-        sent, lost = emulate(scene, arguments.port_link, arguments.duration, say_ready, start_ns)
+        sent, lost = emulate(scene, arguments.port_link, arguments.duration, ready, start_ns)
     print(f'{sent} frames sent, {lost} found no listener')
     return 0

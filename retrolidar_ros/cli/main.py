@@ -24,8 +24,8 @@ from retrolidar_ros.cli import (
     watch,
 )
 from retrolidar_ros.cli.arguments import Parser
+from retrolidar_ros.settings.files import shared_file
 from retrolidar_ros.settings.printing import printable
-from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
 
 # Modules, by the names of their commands, with HELP, perhaps a DESCRIPTION, `add_arguments(parser)`

@@ -90,9 +90,10 @@ def _places(
 
 
 def _signal(
-    axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float, colour: str
+    axes: Any, shown: _Shown, zone: int, begin_s: float, end_s: float, colour: str, title: str
 ) -> float:
     """Draw one zone's signal of some seconds; return the height for digits."""
+    axes.set_title(title, loc='left', fontsize=10, color=colour)
     rows = (shown.time_s >= begin_s) & (shown.time_s <= end_s)
     signal = shown.recording.signal[rows, zone]
     axes.step(shown.time_s[rows], signal, where='mid', color=colour, linewidth=1.1)
@@ -109,7 +110,9 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -
     bit_s, colour = reading.bit_period_s, shown.ids[reading.id]
     start_s = (reading.start_ns - shown.origin_ns) * 1e-9
     begin_s = min(max(start_s - 0.4, 0.0), start_s)
-    height = _signal(axes, shown, reading.zones[0], begin_s, begin_s + _SHOWN_BITS * bit_s, colour)
+    zone, end_s = reading.zones[0], begin_s + _SHOWN_BITS * bit_s
+    title = f'{name}, ID {reading.id}, zone {zone}'
+    height = _signal(axes, shown, zone, begin_s, end_s, colour, title)
     bits = packet(reading.id)
     known = max(round((reading.end_ns - reading.start_ns) * 1e-9 / bit_s), len(bits))
     for index in range(min(known, _SHOWN_BITS)):
@@ -122,16 +125,6 @@ def _signal_with_bits(axes: Any, shown: _Shown, reading: Detection, name: str) -
         axes.text(left + bit_s / 2, height, str(bit), color=shade, **style)
     if begin_s < 0:
         axes.axvspan(begin_s, 0, color='0.92', linewidth=0)
-    title = f'{name}, ID {reading.id}, zone {reading.zones[0]}'
-    axes.set_title(title, loc='left', fontsize=10, color=colour)
-
-
-def _blinking_zone(axes: Any, shown: _Shown, zone: BlinkingZone) -> None:
-    middle_s, half_s = float(shown.time_s[-1]) / 2, _SHOWN_BITS * BIT_PERIOD_S / 2
-    colour = shown.zones[zone.zone]
-    _signal(axes, shown, zone.zone, middle_s - half_s, middle_s + half_s, colour)
-    title = f'zone {zone.zone} blinks by {zone.modulation_db:.0f} dB: not read'
-    axes.set_title(title, loc='left', fontsize=10, color=colour)
 
 
 def _signals(axes: Any, shown: _Shown) -> None:
@@ -221,17 +214,17 @@ def plot_readings(
     _places(here, shown, readings, markers)
     names = {marker.id: marker.name for marker in markers}
     right = spaces[:rows, 1]
-    if panels := len(chosen) + len(unread):
-        parts = right.subgridspec(panels, 1)
-        panel = [figure.add_subplot(parts[one, 0]) for one in range(panels)]
-    else:
-        _every_zone(figure, right, shown)
-        panel = []
-    for axes, reading in zip(panel, chosen, strict=False):
+    parts = right.subgridspec(max(len(chosen), len(unread), 1), 1)
+    for index, reading in enumerate(chosen):
         name = names.get(reading.id, 'ghost' if names else 'marker')
-        _signal_with_bits(axes, shown, reading, name)
-    for axes, zone in zip(panel, unread, strict=False):
-        _blinking_zone(axes, shown, zone)
+        _signal_with_bits(figure.add_subplot(parts[index, 0]), shown, reading, name)
+    middle_s, half_s = float(time_s[-1]) / 2, _SHOWN_BITS * BIT_PERIOD_S / 2
+    for index, (zone, decibels, *_) in enumerate(unread):
+        axes = figure.add_subplot(parts[index, 0])
+        title = f'zone {zone} blinks by {decibels:.0f} dB: not read'
+        _signal(axes, shown, zone, middle_s - half_s, middle_s + half_s, zones[zone], title)
+    if not chosen and not unread:
+        _every_zone(figure, right, shown)
     if zones:
         above = figure.add_subplot(spaces[rows, :])
         _signals(above, shown)

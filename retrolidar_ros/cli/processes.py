@@ -27,7 +27,6 @@ class ProcessGroup:
     """Runs programs, with log files, and ends all of them on exit, SIGTERM or SIGHUP."""
 
     def __init__(self, logs: Path) -> None:
-        """Write logs into the directory `logs`."""
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 

@@ -8,6 +8,7 @@ import shutil
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 
 from retrolidar_ros.bag import STORAGES, FrameWriter
 from retrolidar_ros.cli.arguments import add_port, output_path, seconds
@@ -70,10 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     end_s = begin_s + (arguments.duration or math.inf)
     due_s = begin_s + _PROGRESS_S
     received = source.received
-
-    def say(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
+    say = partial(print, file=sys.stderr, flush=True)
     with termination_noted() as requested, writer as bag, in_background(source, say) as take_until:
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:

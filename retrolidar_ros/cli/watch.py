@@ -16,18 +16,12 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from retrolidar_ros.cli.arguments import (
-    add_detector_options,
-    add_port,
-    detector_values,
-    seconds,
-)
+from retrolidar_ros.cli.arguments import add_detector_options, add_port, detector_values, seconds
 from retrolidar_ros.cli.watch_view import LastReading, Snapshot, fitted, line, screen
-from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector import METHODS, Detection, Detector
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.blinking_zones import BLINKING_DB, modulation_db, newest_bits
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.clock import ClockMap
@@ -65,7 +59,9 @@ class Watch:
         self._settings = DetectorSettings(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
-        self._detector: LikelihoodDetector | None = None
+        if (method := values['method']) != METHODS[0]:
+            raise ValueError(f'--method {method}: watch shows {METHODS[0]} only')
+        self._detector: Detector | None = None
         self._agreement = Agreement(values['min_readings'])
         self._monitor = FrameMonitor(ZoneGrid())
         self._last: dict[int, Detection] = {}
@@ -73,52 +69,41 @@ class Watch:
         self._last_arrival_s = time.monotonic()
         self._tallies = deque([_Tally(self._last_arrival_s, 0, 0, source.received)])
 
-    @property
-    def frames(self) -> int:
-        """How many frames have come."""
-        return self._monitor.frames
-
     def take(self, frames: list[Frame], arrival_ns: int) -> None:
         """Take frames that arrived together; ValueError if the sensor has no such zone."""
-        for frame in frames:
-            stamp_ns = self._clock.map(frame.sensor_time_us, arrival_ns)
-            self._take(replace(frame, stamp_ns=stamp_ns))
         self._last_arrival_s = arrival_ns * 1e-9
+        for unmapped in frames:
+            stamp_ns = self._clock.map(unmapped.sensor_time_us, arrival_ns)
+            frame, newest = replace(unmapped, stamp_ns=stamp_ns), self._monitor.newest
+            if self._detector is None or not newest or newest[-1].grid != frame.grid:
+                self._detector = self._begin(frame.grid)
+            elif newest[-1].stamp_ns >= stamp_ns:
+                self._monitor.restart(frame.grid)
+            self._monitor.take(frame)
+            detections = self._detector.update(frame)
+            self._monitor.read(detections)
+            for detection in self._agreement.confirmed(detections):
+                self._last[detection.id] = detection
+                self._times[detection.id] += 1
 
-    def _begin(self, grid: ZoneGrid) -> None:
+    def _begin(self, grid: ZoneGrid) -> Detector:
         if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
             raise ValueError(
                 f'--zone {self._fixed_zone}: the sensor has {grid.rows}x{grid.columns} zones, '
                 f'0 to {grid.zones - 1}'
             )
-        detector = self._settings.detector(grid)
-        if not isinstance(detector, LikelihoodDetector):
-            raise ValueError(f'--method {self._settings.values["method"]}: watch shows joint only')
-        self._detector, self._shown_zone = detector, self._fixed_zone
+        self._shown_zone = self._fixed_zone
         self._agreement = Agreement(self._settings.values['min_readings'])
         self._last.clear()
         self._times.clear()
         self._monitor.restart(grid)
-
-    def _take(self, frame: Frame) -> None:
-        newest = self._monitor.newest
-        if not newest or newest[-1].grid != frame.grid:
-            self._begin(frame.grid)
-        elif newest[-1].stamp_ns >= frame.stamp_ns:
-            self._monitor.restart(frame.grid)
-        self._monitor.take(frame)
-        assert self._detector is not None
-        detections = self._detector.update(frame)
-        self._monitor.read(detections)
-        for detection in self._agreement.confirmed(detections):
-            self._last[detection.id] = detection
-            self._times[detection.id] += 1
+        return self._settings.detector(grid)
 
     def snapshot(self) -> Snapshot:
         """Return a snapshot."""
         now_ns = time.monotonic_ns()
         received = self._source.received
-        now = _Tally(now_ns * 1e-9, self.frames, self._clock.restarts, received)
+        now = _Tally(now_ns * 1e-9, self._monitor.frames, self._clock.restarts, received)
         self._tallies.append(now)
         while self._tallies[1].time_s <= now.time_s - _RATE_S:
             self._tallies.popleft()
@@ -207,9 +192,9 @@ def run(arguments: argparse.Namespace) -> int:
                     state.take(*arrival)
                 now_s = time.monotonic()
                 if now_s >= due_s:
-                    show(state.snapshot())
+                    show(known := state.snapshot())
                     if now_s >= end_s:
-                        return 0 if state.frames else 1
+                        return 0 if known.frames else 1
                     due_s = min(now_s + interval_s, end_s)
     return 0
 

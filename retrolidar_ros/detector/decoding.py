@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.detection import Detection, Track
+from retrolidar_ros.detector.detection import Candidate, Detection, Track
 from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
-from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
 from retrolidar_ros.detector.parameters import DetectorSettings
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 
@@ -58,13 +57,11 @@ class Decoding:
             self._read += detections
             confirmed = self._agreement.confirmed(detections)
             self.detections += confirmed
-            tracks: list[Track] = []
-            if isinstance(self._detector, LikelihoodDetector):
-                tracks = self._detector.follow(frame) if follow else tracks
-                for one in self._detector.candidates:
-                    best = self._rejected.get(one.zone)
-                    if one.reason and (best is None or one.evidence > best.evidence):
-                        self._rejected[one.zone] = one
+            for one in self._detector.candidates:
+                best = self._rejected.get(one.zone)
+                if one.reason and (best is None or one.evidence > best.evidence):
+                    self._rejected[one.zone] = one
+            tracks = self._detector.follow(frame) if follow else []
             yield confirmed, self._agreement.followed(tracks)
 
     def explanation(self) -> Explanation:
@@ -94,8 +91,7 @@ class Decoding:
                     f'  {best.reason.value}'
                 )
             lines.append(f'{zone.zone:4d}  {zone.modulation_db:11.1f}  {bits:>9}  {outcome}')
-        if isinstance(self._detector, LikelihoodDetector):
-            thresholds = self._detector.thresholds
+        if thresholds := self._detector.thresholds:
             lines.append(
                 f'thresholds [nats]: evidence ≥ {thresholds.evidence:.1f}, '
                 f'word ≤ {thresholds.word:.1f}, margin ≥ {thresholds.margin:.1f}'

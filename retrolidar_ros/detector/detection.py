@@ -4,7 +4,9 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -112,8 +114,46 @@ class DetectorCounts:
     tracks_dropped: int = 0  # because there were more than `MAX_TRACKS`
 
 
+class Thresholds(NamedTuple):
+    """Thresholds of log likelihood ratios [nats]."""
+
+    evidence: float  # minimum ratio to noise and a wandering level
+    wandering: float  # added to it where the level wanders
+    word: float  # maximum log likelihood ratio of another bit sequence
+    margin: float  # minimum ratio to any other ID
+    margin_of_more: float  # the same if more packets may follow: then an ambiguous one can wait
+
+
+class Reason(str, Enum):
+    """Why a candidate is rejected, as diagnostics and tables name it."""
+
+    EVIDENCE = 'evidence'  # noise, a wandering level and packets read before do as well
+    NOT_A_WORD = 'not a word'  # other bits, of no packet or of another clock, do much better
+    MARGIN = 'margin'  # a packet of another ID does nearly as well
+    INCOMPLETE = 'incomplete'  # the packet may not have ended, or not repeat, or its clock is off
+    ERASED = 'erased'  # too few of its samples are valid
+    DISTANCE = 'distance'  # it was read, but no distance was measured
+
+
+class Candidate(NamedTuple):
+    """A packet that was judged."""
+
+    id: int
+    zone: int  # the zone, or from `zones` on the sum of zones, that was searched
+    packets: int
+    reason: Reason | None  # why it was rejected; None if it was read
+    start_ns: int
+    bit_period_s: float
+    evidence: float  # [nats]; like the next two 0 if it was rejected before
+    word: float  # log likelihood of the best other sequence of bits less its own [nats]
+    margin: float  # [nats]
+
+
 class Detector(Protocol):
     """Every method: frames in, detections out; ValueError for frames of another zone grid."""
+
+    candidates: Sequence[Candidate]  # judged in the latest update; none by method `paper`
+    thresholds: Thresholds | None  # of its decision; None by method `paper`
 
     @property
     def counts(self) -> DetectorCounts:
@@ -124,6 +164,9 @@ class Detector(Protocol):
 
     def update_all(self, recording: Recording) -> list[Detection]:
         """Take many frames; return the detections that became certain with them."""
+
+    def follow(self, frame: Frame) -> list[Track]:
+        """Return the markers at the newest frame, followed from the first call on; `joint` does."""
 
 
 def check_grid(grid: ZoneGrid, expected: ZoneGrid) -> None:

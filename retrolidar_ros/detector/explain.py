@@ -131,13 +131,12 @@ class Explanation:
             if zone.zone not in self._explained and len(result) < _MAX_ZONES:
                 self._explained.add(zone.zone)
                 *_, last = self.why(zone)
-                result.append(last or self._hardly_read(zone))
+                if last is None:  # only trials with about the configured bit period read it
+                    read = (one for trial in self._trials for one in trial.detections)
+                    ids = _ids(one for one in read if zone.zone in one.zones)
+                    last = Finding(Cause.FEW_READ, ids=ids, read=0, sent=self._sent(self._bit_s))
+                result.append(last)
         return result
-
-    def _hardly_read(self, zone: BlinkingZone) -> Finding:
-        """Return that only trials with about the configured bit period read a zone."""
-        ids = _ids(one for trial in self._trials for one in trial.within(zone.zone).detections)
-        return Finding(Cause.FEW_READ, ids=ids, read=0, sent=self._sent(self._bit_s))
 
     def _sent(self, bit_s: float) -> int:
         """Return how many packets a marker sends while the recording lasts."""

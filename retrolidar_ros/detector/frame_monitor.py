@@ -35,7 +35,6 @@ class FrameMonitor:
     """Counts frames, and looks for blinking zones that are not read in the newest."""
 
     def __init__(self, grid: ZoneGrid) -> None:
-        """Begin with no frame of `grid`."""
         self.frames = 0
         self.lost = 0  # frames that were sent, by the sequence counter, and never came
         self.unsent = 0  # frames that the node before this one did not send

@@ -4,25 +4,26 @@
 
 import math
 from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import replace
-from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from retrolidar_ros.core import array, ffi, lib
-from retrolidar_ros.detector.budget import thresholds
 from retrolidar_ros.detector.detection import (
     Bearing,
+    Candidate,
     Detection,
     DetectorCounts,
+    Reason,
+    Thresholds,
     Track,
     check_grid,
     place,
 )
-from retrolidar_ros.marker.code import PACKET_BITS, RESERVED_IDS, check_ids
-from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import SensorModel
 
@@ -34,33 +35,8 @@ _ACROSS_M_S = 0.5  # deviation of a velocity across the line of sight, which is 
 _ACROSS = _ACROSS_M_S**2 * np.eye(3)
 
 
-class Reason(str, Enum):
-    """Why a candidate is rejected, as diagnostics and tables name it."""
-
-    EVIDENCE = 'evidence'  # noise, a wandering level and packets read before do as well
-    NOT_A_WORD = 'not a word'  # other bits, of no packet or of another clock, do much better
-    MARGIN = 'margin'  # a packet of another ID does nearly as well
-    INCOMPLETE = 'incomplete'  # the packet may not have ended, or not repeat, or its clock is off
-    ERASED = 'erased'  # too few of its samples are valid
-    DISTANCE = 'distance'  # it was read, but no distance was measured
-
-
 # By their numbers in the core, which knows nothing of a missing distance.
 _REASONS = {int(getattr(lib, f'RL_{one.name}')): one for one in Reason if one != Reason.DISTANCE}
-
-
-class Candidate(NamedTuple):
-    """A packet that was judged."""
-
-    id: int
-    zone: int  # the zone, or from `zones` on the sum of zones, that was searched
-    packets: int
-    reason: Reason | None  # why it was rejected; None if it was read
-    start_ns: int
-    bit_period_s: float
-    evidence: float  # [nats]; like the next two 0 if it was rejected before
-    word: float  # log likelihood of the best other sequence of bits less its own [nats]
-    margin: float  # [nats]
 
 
 class Rejections:
@@ -75,7 +51,7 @@ class Rejections:
     def take(self, candidates: list[Candidate], detections: list[Detection], now_ns: int) -> None:
         """Take the candidates and the readings of a frame."""
         self.settle(now_ns)
-        self._pending += ((now_ns, one) for one in candidates if one.reason is not None)
+        self._pending += ((now_ns, one) for one in candidates if one.reason)
         self._read += detections
 
     def settle(self, now_ns: int) -> None:
@@ -86,7 +62,7 @@ class Rejections:
             if 0 <= now_ns - judged_ns < _SETTLED_PACKETS * packet_ns:
                 break
             self._pending.popleft()
-            if one.reason is not None and not self._is_read(one, packet_ns):
+            if one.reason and not self._is_read(one, packet_ns):
                 self.counts[one.reason.value] += 1
 
     def _is_read(self, candidate: Candidate, packet_ns: float) -> bool:
@@ -111,20 +87,17 @@ class LikelihoodDetector:
         grid: ZoneGrid,
         *,
         bit_period_s: float,
-        false_ids_per_hour: float,
+        thresholds: Thresholds,
         max_packets: int,
-        registered_ids: ArrayLike | None,
+        ids: NDArray[np.int64],
         sensor: SensorModel,
     ) -> None:
-        """Prepare for frames of `grid`; parameters as of `create_detector`."""
-        self.candidates: list[Candidate] = []  # candidates judged in the latest update
+        """Prepare for frames of `grid`; the others as of `create_detector`; `ids` are read."""
+        self.candidates: Sequence[Candidate] = []
         self._grid = replace(grid, view=sensor.field_of_view)
         self._unplaced = 0
         self._rejections = Rejections(grid)
-        ids = usable_ids(registered_ids)
-        self.thresholds = thresholds(
-            false_ids_per_hour, zones=grid.zones, words=len(ids), bit_s=bit_period_s
-        )
+        self.thresholds: Thresholds | None = thresholds
         settings = ffi.new(
             'struct rl_settings *',
             {
@@ -132,7 +105,7 @@ class LikelihoodDetector:
                 'max_packets': max_packets,
                 'kept': _MIN_HELD,
                 'bit_s': bit_period_s,
-                'thresholds': self.thresholds._asdict(),
+                'thresholds': thresholds._asdict(),
             },
         )
         core = lib.rl_detector_create(settings, array('uint16_t', ids), len(ids))
@@ -188,42 +161,42 @@ class LikelihoodDetector:
         values = [array('float', one) for one in (frames.signal, frames.distance, frames.ambient)]
         values.append(array('uint8_t', frames.status))
         detections: list[Detection] = []
-        self.candidates = []
+        self.candidates = judged = list[Candidate]()
         taken, count = 0, len(stamp_ns)
         while taken < count:
             left = (one + taken * self._grid.zones for one in values)
             taken += lib.rl_detector_push(self._core, count - taken, stamps + taken, *left)
             if lib.rl_detector_newest(self._core).candidates:
-                detections += self._take(int(stamp_ns[taken - 1]))
+                detections += self._take(int(stamp_ns[taken - 1]), judged)
         if count:
             self._rejections.settle(int(stamp_ns[-1]))
         return detections
 
-    def _take(self, now_ns: int) -> list[Detection]:
-        """Return the detections of the newest frame, and store the candidates."""
+    def _take(self, now_ns: int, judged: list[Candidate]) -> list[Detection]:
+        """Return the detections of the newest frame, and append its candidates."""
         newest = lib.rl_detector_newest(self._core)
-        before = len(self.candidates)
-        for judged in newest.candidate[0 : newest.candidates]:
-            self.candidates.append(
-                Candidate(
-                    id=judged.id,
-                    zone=judged.channel,
-                    packets=judged.packets,
-                    reason=_REASONS.get(judged.reason),
-                    start_ns=newest.origin_ns + round(judged.transmission.start_s * 1e9),
-                    bit_period_s=judged.transmission.bit_s,
-                    evidence=judged.evidence,
-                    word=judged.word,
-                    margin=judged.margin,
-                )
+        candidates = [
+            Candidate(
+                id=one.id,
+                zone=one.channel,
+                packets=one.packets,
+                reason=_REASONS.get(one.reason),
+                start_ns=newest.origin_ns + round(one.transmission.start_s * 1e9),
+                bit_period_s=one.transmission.bit_s,
+                evidence=one.evidence,
+                word=one.word,
+                margin=one.margin,
             )
+            for one in newest.candidate[0 : newest.candidates]
+        ]
+        judged += candidates
         detections = []
         for reading in newest.reading[0 : newest.readings]:
             if reading.is_placed:
                 detections.append(self._detection(reading, newest.origin_ns))
             else:
                 self._unplaced += 1
-        self._rejections.take(self.candidates[before:], detections, now_ns)
+        self._rejections.take(candidates, detections, now_ns)
         return detections
 
     def _detection(self, reading: Any, origin_ns: int) -> Detection:
@@ -295,18 +268,3 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
     )
     fields.update({name: getattr(sensor, name) for name in alike})
     return ffi.new('struct rl_sensor *', fields)
-
-
-def usable_ids(registered_ids: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the registered IDs, or all usable ones, ascending; ValueError for other ones."""
-    if registered_ids is None:
-        return USABLE_IDS
-    ids = np.unique(check_ids(registered_ids))
-    reserved = np.intersect1d(ids, RESERVED_IDS)
-    if len(reserved):
-        raise ValueError(
-            f'registered_ids holds {reserved[0]}, which no marker sends: 1 to 4094 are IDs'
-        )
-    if not len(ids):
-        raise ValueError('registered_ids holds no ID: leave it out to read all')
-    return ids

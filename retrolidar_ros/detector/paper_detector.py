@@ -33,14 +33,17 @@ Several zones
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.detector.detection import (
+    Candidate,
     Detection,
     DetectorCounts,
+    Thresholds,
+    Track,
     check_grid,
     place,
     zone_bearing,
@@ -140,6 +143,8 @@ class PaperDetector:
         registered_ids: NDArray[np.int64],
     ) -> None:
         """Prepare for frames of `grid`; parameters as of `create_detector`."""
+        self.candidates: Sequence[Candidate] = ()
+        self.thresholds: Thresholds | None = None
         self.counts = DetectorCounts()
         self._grid = grid
         self._threshold = likelihood_threshold
@@ -175,6 +180,10 @@ class PaperDetector:
     def update_all(self, recording: Recording) -> list[Detection]:
         """Take many frames, one after the other."""
         return [detection for frame in recording for detection in self.update(frame)]
+
+    def follow(self, frame: Frame) -> list[Track]:
+        """Return no tracks: the paper follows no markers."""
+        return []
 
     def _advance(self, count: int, stamp_ns: int) -> list[Detection]:
         """Judge the start whose preamble ends with the newest of `count` samples."""

@@ -13,15 +13,8 @@ import numpy as np
 from retrolidar_ros.marker.code import IDS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.settings.section import (
-    ConfigError,
-    Triple,
-    keyed,
-    mapping,
-    place,
-    text,
-)
-from retrolidar_ros.settings.yaml_files import load_parsed
+from retrolidar_ros.settings.files import load_parsed
+from retrolidar_ros.settings.section import ConfigError, Triple, keyed, mapping, place, text
 
 _FRAME = re.compile(r'[A-Za-z0-9_.-][A-Za-z0-9_./-]*')  # TF accepts no leading slash
 _MAX_CHARACTERS = 100  # of a frame: topics bear it, and DDS allows 255 of the whole name
@@ -70,7 +63,12 @@ def parse_markers(content: object) -> dict[int, KnownMarker]:
 def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
     if not isinstance(value, Mapping):
         raise ConfigError(f'{path}: needs a mapping of IDs to markers, not {value!r}')
-    known = {identity: _marker(identity, one, path) for identity, one in value.items()}
+    known: dict[int, KnownMarker] = {}
+    for identity, one in value.items():
+        is_number = isinstance(identity, int) and not isinstance(identity, bool)
+        if not is_number or identity not in USABLE_IDS:
+            raise ConfigError(f'{path}: {identity!r} is not an ID; numbers of 1 to {IDS - 2} are')
+        known[identity] = mapping(KnownMarker, id=identity)(one, f'{path}.{identity}')
     owners: dict[str, int] = {}
     for marker in known.values():
         usual = _USUAL_FRAME.fullmatch(marker.frame)
@@ -84,13 +82,6 @@ def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
                 f'{path}.{marker.id}.frame: marker {other} has the frame {marker.frame}, too'
             )
     return known
-
-
-def _marker(identity: Any, value: Any, path: str) -> KnownMarker:
-    is_number = isinstance(identity, int) and not isinstance(identity, bool)
-    if not is_number or identity not in USABLE_IDS:
-        raise ConfigError(f'{path}: {identity!r} is not an ID; numbers of 1 to {IDS - 2} are')
-    return mapping(KnownMarker, id=identity)(value, f'{path}.{identity}')
 
 
 def objects_of(known: Mapping[int, KnownMarker]) -> dict[str, dict[int, Floats]]:

@@ -15,7 +15,6 @@ from visualization_msgs.msg import MarkerArray
 from retrolidar_ros.detector import Detection, Detector
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.detection import MAX_TRACKS
-from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.known_markers import KnownMarker, frame_of
 from retrolidar_ros.msg import MarkerDetection, MarkerDetectionArray, MarkerTrack
 from retrolidar_ros.nodes.conversion import (
@@ -93,9 +92,7 @@ class DetectorTopics:
     def follow(self, detector: Detector, agreement: Agreement, frame: Frame, frame_id: str) -> None:
         """Publish the tracks at a frame, if there are subscribers or parameters ask for them."""
         has_subscribers = self._tracks.get_subscription_count() > 0
-        if not isinstance(detector, LikelihoodDetector) or not (
-            self._has_tracks or has_subscribers
-        ):
+        if not (self._has_tracks or has_subscribers):
             return
         tracks = agreement.followed(detector.follow(frame))
         self._warn_of_dropped(detector.counts.tracks_dropped)

@@ -49,7 +49,6 @@ class FrameTopics:
     """The topics `frames`, `points`, `signal_image`, and those of a depth camera (REP 118)."""
 
     def __init__(self, node: Node, frame_id: str) -> None:
-        """Make the publishers; the optical frame is `frame_id`."""
         self._frame_id = frame_id
         self._frames = 0
         self._subscribed: list[tuple[Any, Callable[..., Any]]] = []

@@ -3,6 +3,7 @@
 """The `emulated_arm` node: TF and description of an arm that moves the emulated sensor."""
 
 import time
+from functools import partial
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -17,10 +18,8 @@ from retrolidar_ros.nodes.conversion import to_header, to_pose, to_transform
 from retrolidar_ros.nodes.parameters import Parameters, check_frame_id
 from retrolidar_ros.nodes.qos import EVENTS, latched
 from retrolidar_ros.nodes.run import repeat
-from retrolidar_ros.scene.description import Waypoint
-from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.scene.laboratory import rotation_of
-from retrolidar_ros.scene.optics import along
+from retrolidar_ros.scene.description import Waypoint, load_scene
+from retrolidar_ros.scene.optics import along, rotation_of
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 
@@ -45,7 +44,6 @@ class EmulatedArmNode(Node):
     """Sends the transform of a sensor that moves as a scene says, and a robot description."""
 
     def __init__(self) -> None:
-        """Declare parameters, and wait for a frame, which names the sensor's TF frame."""
         super().__init__('emulated_arm')
         values = Parameters(self, 'emulated_arm').values
         self._base = check_frame_id('fixed_frame', values['fixed_frame'])
@@ -65,7 +63,7 @@ class EmulatedArmNode(Node):
             FrameMsg, 'frames', self._on_frame, qos_profile_sensor_data
         )
         self.get_logger().info('waiting for frames, and whether another arm moves the sensor')
-        repeat(self, _PERIOD_S, self._send_pose)
+        repeat(self, _PERIOD_S, partial(self._send_poses, np.zeros(1)))
 
     def _on_frame(self, message: FrameMsg) -> None:
         if time.monotonic() < self._began_s + _LISTENING_S:
@@ -94,12 +92,10 @@ class EmulatedArmNode(Node):
         self._sensor = ''
         return True
 
-    def _send_pose(self) -> None:
-        if self._sensor:
-            self._send_poses(np.zeros(1))
-
     def _send_poses(self, ago_s: Floats) -> None:
-        """Send the poses that the sensor had so long ago, shape (n,)."""
+        """Send the poses that the sensor had so long ago, shape (n,), once it is known."""
+        if not self._sensor:
+            return
         now_ns = self.get_clock().now().nanoseconds
         ago_s = ago_s[ago_s * 1e9 <= now_ns]  # a simulated clock may have begun later
         times_s = np.maximum(time.monotonic() - self._start_s - ago_s, 0.0)

@@ -22,24 +22,19 @@ class HeartbeatNode(Node):
 
     def __init__(self) -> None:
         super().__init__('heartbeat')
-        parameters = Parameters(self, 'heartbeat')
-        self._prefix = parameters.values['frame_prefix']
-        names = parameters.values['markers']
-        if not names:
+        self._settings = Parameters(self, 'heartbeat')
+        self._settings.follow()
+        values = self._settings.values
+        self._prefix = values['frame_prefix']
+        if not values['markers']:
             raise ValueError('markers: there is no name; name at least one')
-        self._overdue_after_s = parameters.values['overdue_after']
-        parameters.follow(self._change)
-        self._hearts = {name: Heartbeat(parameters.values['window']) for name in names}
+        self._hearts = {name: Heartbeat(values['window']) for name in values['markers']}
         self._overdue: set[str] = set()
         self._is_alive: bool | None = None
         self._alive = latched(self, Bool, '~/alive')
         DiagnosticsPublisher(self).register_health_check(self, 'markers', self._examine)
-        source = parameters.values['source']
-        self._detections = DetectionSubscriber(self, source, self._on_detection)
+        self._detections = DetectionSubscriber(self, values['source'], self._on_detection)
         repeat(self, _TICK_S, self._tick)
-
-    def _change(self, values: dict[str, float]) -> None:
-        self._overdue_after_s = values['overdue_after']
 
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
@@ -61,7 +56,7 @@ class HeartbeatNode(Node):
         overdue = set()
         for name, heart in self._hearts.items():
             heart.advance(now_s)
-            if heart.silence_s(now_s) > self._overdue_after_s:
+            if heart.silence_s(now_s) > self._settings.values['overdue_after']:
                 overdue.add(name)
         for name in sorted(overdue - self._overdue):
             self.get_logger().warning(

@@ -32,7 +32,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from retrolidar_ros.detector.parameters import known_markers
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.settings.parameter import declared, file_sections, file_values, misspelled
 
 SHARE = FindPackageShare('retrolidar_ros')

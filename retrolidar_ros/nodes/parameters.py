@@ -64,7 +64,7 @@ class Parameters:
         self._node.set_descriptor(name, descriptor)
         return value
 
-    def follow(self, apply: Callable[[dict[str, Any]], None]) -> None:
+    def follow(self, apply: Callable[[dict[str, Any]], None] = lambda _: None) -> None:
         """Let live parameters be set; a ValueError of `apply` rejects the values of all."""
 
         def change(parameters: Sequence[Parameter]) -> SetParametersResult:

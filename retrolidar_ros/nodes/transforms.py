@@ -98,7 +98,7 @@ class TransformSender:
         is_due = bool(self._sent) and phase_s < _LISTENING_S
         if is_due and self._subscription is None:
             self._subscription = self._own_node().create_subscription(
-                TFMessage, '/tf', self._on_transforms, _DEPTH
+                TFMessage, '/tf', self.on_transforms, _DEPTH
             )
         elif self._listener is not None and self._subscription is not None and not is_due:
             self._listener.destroy_subscription(self._subscription)
@@ -121,20 +121,17 @@ class TransformSender:
             self._executor.add_node(self._listener)
         return self._listener
 
-    def _on_transforms(self, message: TFMessage) -> None:
+    def on_transforms(self, message: TFMessage) -> None:
+        """Take transforms of any node."""
         self._messages += 1
-        for transform in message.transforms:
-            self.on_transform(transform)
-
-    def on_transform(self, transform: TransformStamped) -> None:
-        """Take a transform from any node."""
-        child, stamp_ns = transform.child_frame_id, to_ns(transform.header.stamp)
         with self._lock:
-            sent = self._sent.get(child, deque[int]())
-            # One older than all that are kept may be our own.
-            is_known = len(sent) == _KEPT and stamp_ns < sent[0]
-            if sent and not is_known and stamp_ns not in sent:
-                self._shared[child] = transform.header.frame_id, time.monotonic()
+            for transform in message.transforms:
+                child, stamp_ns = transform.child_frame_id, to_ns(transform.header.stamp)
+                sent = self._sent.get(child, deque[int]())
+                # One older than all that are kept may be our own.
+                is_known = len(sent) == _KEPT and stamp_ns < sent[0]
+                if sent and not is_known and stamp_ns not in sent:
+                    self._shared[child] = transform.header.frame_id, time.monotonic()
 
     def problem(self, parent: str) -> str:
         """Return which child frames of `parent` other nodes send, too, of late; empty if none."""

@@ -14,8 +14,7 @@ from launch.launch_context import LaunchContext
 from launch_ros.actions import Node
 
 from retrolidar_ros.nodes.launching import full_namespace, is_on, parameter
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml, shared_file
 
 # From behind and above, where z is up.
 _UPRIGHT = {

@@ -3,7 +3,7 @@
 """Simulate a sensor that sees markers, as a scene file describes.
 
 `description` reads the file; `transmission` is the light that a liquid crystal lets through;
-`optics` says which zones it reaches; `laboratory` adds disturbances; `simulation` makes the frames.
+`optics` says which zones it reaches, and adds disturbances; `simulation` makes the frames.
 """
 
 from retrolidar_ros.scene.description import Scene, parse_scene

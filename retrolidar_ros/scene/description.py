@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
+from retrolidar_ros.settings.files import load_parsed, shared_file
 from retrolidar_ros.settings.section import (
     ConfigError,
     Triple,
@@ -140,9 +142,10 @@ class Response:
         """Return the integral of the relaxation from one level to the next [s].
 
         Levels are transmissions, 0 to 1, and `elapsed_s` is the time since the edge between them;
-        all are of one shape (...). A bit lasts many time constants, so it starts at the level
+        their shapes (...) are broadcast. A bit lasts many time constants, so it starts at the level
         `before`.
         """
+        before, level, elapsed_s = np.broadcast_arrays(before, level, elapsed_s)
         step = before - level
         tau = np.where(step > 0, self.dark_s, self.bright_s) / _TIME_CONSTANTS
         share = np.divide(elapsed_s, tau, out=np.full_like(elapsed_s, np.inf), where=tau > 0)
@@ -270,3 +273,24 @@ class Scene:
 def parse_scene(content: object) -> Scene:
     """Return the scene that a YAML file describes; ConfigError as of `mapping`."""
     return mapping(Scene, _check_scene)(content, '')
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that ship with the package."""
+    return sorted(path.stem for path in shared_file('config/scenes').glob('*.yaml'))
+
+
+def find_scene(name: str) -> Path:
+    """Return the file of a scene by path or name; FileNotFoundError, with all names, if none is."""
+    if Path(name).is_file():
+        return Path(name)
+    shipped = shared_file('config/scenes') / f'{name}.yaml'
+    if shipped.is_file():
+        return shipped
+    known = ', '.join(scene_names())
+    raise FileNotFoundError(f'there is no scene {name}; give a file, or one of {known}')
+
+
+def load_scene(name: str) -> Scene:
+    """Return a scene by path or name; errors as of `find_scene` and `load_parsed`."""
+    return load_parsed(find_scene(name), parse_scene)

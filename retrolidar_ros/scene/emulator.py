@@ -11,7 +11,7 @@ import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -30,7 +30,7 @@ _MAX_CHARACTERS = 15  # of a line
 _END = b'\n'
 
 
-class PortLink:
+class PortLink(AbstractContextManager['PortLink']):
     """A pseudo-terminal under a path of one's choice, like a serial port that comes and goes."""
 
     def __init__(self, path: Path) -> None:
@@ -58,10 +58,6 @@ class PortLink:
         except OSError:
             os.close(self._master)
             raise
-
-    def __enter__(self) -> PortLink:
-        """Return the open port."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Pull the cable."""

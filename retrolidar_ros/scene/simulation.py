@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from retrolidar_ros.scene import laboratory as lab
+from retrolidar_ros.scene import optics
 from retrolidar_ros.scene.description import (
     NEAREST_M,
     Marker,
@@ -18,12 +18,10 @@ from retrolidar_ros.scene.description import (
     Sensor,
     Surface,
 )
-from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
 from retrolidar_ros.scene.transmission import (
     Transmission,
     exposure_edges,
     recurring_share,
-    visible_share,
 )
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import VL53L8CX, Status
@@ -82,7 +80,7 @@ class Simulation:
             share = recurring_share(second.period_s, second.lasting_s, middle_s, self.period_s)
             ambient += second.ambient * share[:, None]
         if sensor.saturation < math.inf:
-            signal = lab.saturated(signal, ambient, sensor.saturation)
+            signal = optics.saturated(signal, ambient, sensor.saturation)
         if sensor.ranging is not None and sensor.ranging.offset:
             distance = distance + sensor.ranging.offset * sensor.grid.z_per_range
         distance = deviating(distance, signal, sensor.ranging, self._rng)
@@ -121,15 +119,15 @@ class Simulation:
         seen = [
             self._see_marker(marker, transmission, middle_s)
             for marker, transmission in zip(scene.markers, self._transmissions, strict=True)
-        ] + [lab.see_surface(sensor, surface, middle_s) for surface in scene.surfaces]
+        ] + [optics.see_surface(sensor, surface, middle_s) for surface in scene.surfaces]
         for moving in scene.moving_surfaces:
-            signal, depth, hidden = lab.see_moving(sensor, moving, middle_s)
+            signal, depth, hidden = optics.see_moving(sensor, moving, middle_s)
             seen = [(own * np.where(z > depth, 1 - hidden, 1.0), z) for own, z in seen]
             seen.append((signal, depth))
         if sensor.crosstalk:
             # A cover glass is a near target in every zone (ST UM3109).
             glass = Surface(_GLASS_M, sensor.crosstalk)
-            seen.append(lab.see_surface(Sensor(sensor.grid), glass, middle_s))
+            seen.append(optics.see_surface(Sensor(sensor.grid), glass, middle_s))
         signals = np.zeros((len(seen), len(middle_s), sensor.grid.zones))
         distances = np.zeros_like(signals)
         for index, (signal, distance) in enumerate(seen):
@@ -141,17 +139,18 @@ class Simulation:
         self, marker: Marker, transmission: Transmission, middle_s: Floats
     ) -> tuple[Floats, Floats]:
         sensor = self.scene.sensor
-        position_m = lab.seen_from(sensor, position_at(marker, middle_s), middle_s)
-        position_m, ahead = lab.in_front(position_m)
+        position_m = optics.seen_from(sensor, optics.position_at(marker, middle_s), middle_s)
+        position_m, ahead = optics.in_front(position_m)
         range_m = np.linalg.norm(position_m, axis=-1)
         blocked = 1 - transmission.mean(exposure_edges(middle_s, self.period_s))
         light = 1 - marker.contrast * blocked
-        if marker.occlusion is not None:
-            light = light * visible_share(marker.occlusion, middle_s, self.period_s)
-        light = light * received_signal(
+        if (hidden := marker.occlusion) is not None:
+            share = recurring_share(hidden.every_s, hidden.lasting_s, middle_s, self.period_s)
+            light = light * (1 - share)
+        light = light * optics.received_signal(
             range_m, marker.size_m**2, marker.yaw_rad, marker.signal_at_1_m
         )
-        shares = zone_shares(position_m, marker.size_m, sensor.grid, sensor.blur)
+        shares = optics.zone_shares(position_m, marker.size_m, sensor.grid, sensor.blur)
         return light[:, None] * shares * ahead, range_m[:, None] * sensor.grid.z_per_range
 
     def _drop_weak(self, signal: Floats, distance: Floats, status: NDArray[np.uint8]) -> None:

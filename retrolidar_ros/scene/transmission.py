@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.scene.description import Marker, Occlusion, Response
+from retrolidar_ros.scene.description import Marker, Response
 from retrolidar_ros.sensor.frame import Floats
 
 _AT_ONCE = Response(dark_s=0.0, bright_s=0.0)
@@ -32,18 +32,14 @@ def transmitted(begin_s: Floats, levels: Floats, response: Response, edges_s: Fl
     """
     axes = tuple(range(1, levels.ndim))
     before = np.concatenate([np.ones_like(levels[:1]), levels[:-1]])
-
-    def relaxed(before: Floats, levels: Floats, elapsed_s: Floats) -> Floats:
-        return response.integral(before, levels, np.broadcast_to(elapsed_s, levels.shape))
-
     lasting_s = np.expand_dims(np.diff(begin_s), axes)
-    whole = relaxed(before[:-1], levels[:-1], lasting_s)
+    whole = response.integral(before[:-1], levels[:-1], lasting_s)
     passed = np.concatenate([np.zeros_like(levels[:1]), np.cumsum(whole, axis=0)])
     integral = []
     for times_s in edges_s.T:
         bit = np.maximum(np.searchsorted(begin_s, times_s, side='right') - 1, 0)
         since = np.expand_dims(times_s - begin_s[bit], axes)
-        within = relaxed(before[bit], levels[bit], np.maximum(since, 0.0))
+        within = response.integral(before[bit], levels[bit], np.maximum(since, 0.0))
         integral.append(np.where(since < 0, since, passed[bit] + within))
     share: Floats = (integral[1] - integral[0]) / np.expand_dims(np.diff(edges_s)[:, 0], axes)
     return share
@@ -95,8 +91,3 @@ def recurring_share(
     half = exposure_s / 2
     lasted: Floats = lasted_until(middle_s + half) - lasted_until(middle_s - half)
     return lasted / exposure_s
-
-
-def visible_share(occlusion: Occlusion, middle_s: Floats, exposure_s: float) -> Floats:
-    """Return the share of each exposure, 0 to 1, in which the occlusion leaves a free sight."""
-    return 1 - recurring_share(occlusion.every_s, occlusion.lasting_s, middle_s, exposure_s)

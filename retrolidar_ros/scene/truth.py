@@ -10,8 +10,7 @@ import numpy as np
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
-from retrolidar_ros.scene.laboratory import seen_from
-from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.optics import position_at, seen_from
 from retrolidar_ros.sensor.frame import Floats, Recording
 
 _RARE = 16.266  # squared distance, in deviations, that holds 99.9 % of a normal in space

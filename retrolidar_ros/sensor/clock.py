@@ -67,14 +67,10 @@ class ClockMap:
 
     def _unwrapped(self, sensor_ns: int, arrival_ns: int) -> int:
         """Return a sensor time without the wraps of a 32-bit clock."""
-        went_back = self._hull and sensor_ns + self._turns_ns < self._last_pair[0]
-        if went_back:
+        if self._hull and sensor_ns + self._turns_ns < self._last_pair[0]:
             step_ns = sensor_ns + self._turns_ns + _TURN_NS - self._last_pair[0]
-            passed_ns = arrival_ns - self._last_pair[1]
-            if abs(step_ns - passed_ns) < _STALL_NS:
-                self._turns_ns += _TURN_NS
-            else:
-                self._turns_ns = 0
+            has_wrapped = abs(step_ns - (arrival_ns - self._last_pair[1])) < _STALL_NS
+            self._turns_ns = self._turns_ns + _TURN_NS if has_wrapped else 0
         return sensor_ns + self._turns_ns
 
     def _on_line(self, sensor_ns: int) -> int:

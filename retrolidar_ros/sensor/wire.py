@@ -108,11 +108,10 @@ def _decode_frame(content: bytes) -> Frame:
         raise ValueError(f'a frame of {rows}x{columns} zones in {len(content)} bytes')
     values = np.empty((3, rows * columns), dtype=np.float32)
     status = np.empty(rows * columns, dtype=np.uint8)
-    floats = ffi.from_buffer('float[]', values)
     lib.rl_wire_zones(
         ffi.from_buffer('uint8_t[]', content) + _HEADER.size,
         rows,
-        *(floats + first for first in range(0, values.size, len(status))),
+        *(ffi.from_buffer('float[]', one) for one in values),
         ffi.from_buffer('uint8_t[]', status),
     )
     distance, signal, ambient = values
@@ -163,32 +162,20 @@ class Splitter:
         """Start between pieces, none of which is longer than `longest` bytes."""
         self._delimiter = delimiter
         self._longest = longest
-        self._pending = bytearray()
-        self._discarding = False
+        self._begun = b''  # the begin of a piece
+        self._is_discarding = False  # the rest of a piece that is too long
 
     def split(self, data: bytes) -> Iterator[bytes | None]:
         """Take the next bytes; yield the pieces they end, and None for one that is too long."""
-        *ends, rest = data.split(self._delimiter)
-        for end in ends:
-            if not self._append(end):
+        *pieces, self._begun = (self._begun + data).split(self._delimiter)
+        for piece in pieces:
+            if not self._is_discarding:
+                yield piece if len(piece) <= self._longest else None
+            self._is_discarding = False
+        if len(self._begun) > self._longest:
+            if not self._is_discarding:
                 yield None
-            if not self._discarding:
-                yield bytes(self._pending)
-            self._pending.clear()
-            self._discarding = False
-        if not self._append(rest):
-            yield None
-
-    def _append(self, data: bytes) -> bool:
-        """Keep bytes of an unfinished piece; return False if that makes it too long."""
-        if self._discarding:
-            return True
-        self._discarding = len(self._pending) + len(data) > self._longest
-        if self._discarding:
-            self._pending.clear()
-        else:
-            self._pending += data
-        return not self._discarding
+            self._begun, self._is_discarding = b'', True
 
 
 class Reader(ABC):

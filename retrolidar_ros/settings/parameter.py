@@ -14,8 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml, shared_file
 
 _OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 _WILDCARDS = {'*': r'/\w+', '**': r'(/\w+)*'}

@@ -13,13 +13,10 @@ class Heartbeat:
     """Counts windows with and without a detection, and the longest silence, by given times."""
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
-        """Count windows of `window_s` [s]."""
         self.window_s = window_s
-        self._begin(0.0)
-        self._begun = False
+        self._begin(math.inf)  # any time is before that, so the count begins again
 
     def _begin(self, time_s: float) -> None:
-        self._begun = True
         self.beats = 0
         self.windows = 0  # complete windows
         self.windows_alive = 0  # windows with at least one detection
@@ -40,7 +37,7 @@ class Heartbeat:
 
     def advance(self, time_s: float) -> None:
         """Let time pass; a jump, as of a replay or a clock that is set, starts the count again."""
-        if not self._begun or time_s < max(self._window_start_s, self._newest_s - _JITTER_S):
+        if time_s < max(self._window_start_s, self._newest_s - _JITTER_S):
             self._begin(time_s)
         self._newest_s = max(self._newest_s, time_s)
         passed = math.floor((time_s - self._window_start_s) / self.window_s)

@@ -64,7 +64,7 @@ class ViewPlanner:
 
     def _aimed(self, place_m: Floats, last: Reading, seen: Mapping[str, Landmark]) -> SensorPose:
         """Return a pose that looks at all objects, or at the least certain one."""
-        names = sorted(seen, key=lambda one: -_stddev(seen[one]))
+        names = sorted(seen, key=lambda one: -largest_stddev(seen[one].spread_with(())))
         for group in (names, names[:1]):
             sights = [_position(seen[one]) - place_m for one in group]
             units = np.array([one / np.linalg.norm(one) for one in sights])
@@ -138,11 +138,6 @@ def _places(middle_m: Floats, reach_m: float, heights_m: tuple[float, float]) ->
 def _position(landmark: Landmark) -> Floats:
     assert landmark.fit is not None
     return landmark.fit.state.position_m
-
-
-def _stddev(landmark: Landmark) -> float:
-    assert landmark.fit is not None
-    return largest_stddev(landmark.fit.covariance[:3, :3])
 
 
 def _seen_from(landmark: Landmark, place_m: Floats) -> Reading | None:

@@ -4,7 +4,8 @@
 
 import os
 import shutil
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy as np
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
+from retrolidar_ros.settings.files import load_parsed, yaml_text
 from retrolidar_ros.settings.section import ConfigError, keyed, text
-from retrolidar_ros.settings.yaml_files import load_parsed, yaml_text
 from retrolidar_ros.tasks.landmarks import Estimate
 from retrolidar_ros.tasks.reading import KnownPose
 
@@ -53,28 +54,31 @@ def save_survey(path: Path, frame: str, estimates: list[Estimate]) -> str:
     done = f'{len(estimates)} landmarks in {frame} saved to {path}'
     if exists and path.read_text(encoding='utf-8') == content:
         return f'{done}, unchanged'
-    fresh = path.with_name(f'.{path.name}.{os.getpid()}')
     kept = path.with_name(path.name + _BACKUP)
     try:
-        fresh.write_text(content, encoding='utf-8')
-        load_survey(fresh)  # check that it can be loaded
-        if exists:
-            shutil.copymode(path, fresh)
-            copy = path.with_name(f'{fresh.name}{_BACKUP}')
-            try:
-                shutil.copy2(path, copy)
-                _flush(copy)
-                copy.replace(kept)
-            finally:
-                copy.unlink(missing_ok=True)
+        with _replacing(path) as fresh:
+            fresh.write_text(content, encoding='utf-8')
+            load_survey(fresh)  # check that it can be loaded
+            if exists:
+                shutil.copymode(path, fresh)
+                with _replacing(kept) as copy:
+                    shutil.copy2(path, copy)
+    except OSError as error:
+        raise OSError(f'{path} cannot be written: {error.strerror}') from error
+    return f'{done}; the file before is {kept}' if exists else done
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """Yield a path beside another one, whose file replaces that once it is on the disk."""
+    fresh = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        yield fresh
         _flush(fresh)
         fresh.replace(path)
         _flush(path.parent)
-    except OSError as error:
-        raise OSError(f'{path} cannot be written: {error.strerror}') from error
     finally:
         fresh.unlink(missing_ok=True)
-    return f'{done}; the file before is {kept}' if exists else done
 
 
 def _check_replaceable(path: Path, frame: str, names: Collection[str]) -> None:

@@ -17,8 +17,8 @@ pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
 from retrolidar_ros.bag import read_frames
 from retrolidar_ros.cli.main import main
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
-from retrolidar_ros.scene.files import load_scene
 
 
 def recorder(port: Path, bag: Path, *options: str) -> 'subprocess.Popen[str]':

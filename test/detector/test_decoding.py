@@ -13,8 +13,7 @@ from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.decoding import Decoding
-from retrolidar_ros.detector.detection import Detection
-from retrolidar_ros.detector.likelihood_detector import Candidate, LikelihoodDetector
+from retrolidar_ros.detector.detection import Candidate, Detection
 from retrolidar_ros.detector.parameters import DetectorSettings, defaults
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 
@@ -56,7 +55,6 @@ def test_a_table_shows_the_best_of_what_was_rejected() -> None:
     source, judging = list(simulate(scene, 6.0)), decoding()
     rejected: dict[int, list[Candidate]] = {}
     detector = DetectorSettings(defaults()).detector(source[0].grid)
-    assert isinstance(detector, LikelihoodDetector)
     for frame in source:
         assert not detector.update(frame)
         for one in detector.candidates:

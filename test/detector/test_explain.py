@@ -12,14 +12,14 @@ import pytest
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.detection import Candidate, Reason
 from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
-from retrolidar_ros.detector.likelihood_detector import Candidate, Reason, Rejections
+from retrolidar_ros.detector.likelihood_detector import Rejections
 from retrolidar_ros.detector.parameters import DetectorSettings, defaults
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface, load_scene
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import NoiseLaw
 

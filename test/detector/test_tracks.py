@@ -16,8 +16,7 @@ from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.scene import Scene
-from retrolidar_ros.scene.description import Ranging, Surface, Wander, Waypoint
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import Ranging, Surface, Wander, Waypoint, load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.reference import RANGING, SENSOR
 from retrolidar_ros.sensor.frame import Frame, Recording

@@ -15,10 +15,10 @@ from unittest.mock import MagicMock
 import pytest
 
 from retrolidar_ros.cli import main as cli
-from retrolidar_ros.detector.likelihood_detector import Reason
+from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.sensor import wire
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'

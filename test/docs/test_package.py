@@ -17,8 +17,7 @@ from harness_firmware import FIRMWARE, ROOT
 
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import matrix_of_turn
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml, shared_file
 
 FOLDERS = '|'.join(path.name for path in ROOT.iterdir() if path.is_dir())
 

@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from retrolidar_ros.marker.code import packet
-from retrolidar_ros.marker.wakeup import REACH_M, THRESHOLD_V, voltage_v
+from retrolidar_ros.marker.power import REACH_M, THRESHOLD_V, voltage_v
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import encode_frame, encode_packet
 

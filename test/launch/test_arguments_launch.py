@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from harness_launch import SCRIPT, processes
 from harness_observer import Observer
 
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 NAMESPACE = f'wrongly_launched_{os.getpid()}_'
 EMPTY = Path(tempfile.mkdtemp(), 'empty_section.yaml')

@@ -53,9 +53,8 @@ from harness_tasks import SENSOR_VIEW, check_coffee, check_landmarks, deviation_
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
-from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.settings.resources import shared_file
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.scene.description import load_scene
+from retrolidar_ros.settings.files import load_yaml, shared_file
 
 COFFEE = load_scene('coffee')
 IDS = {marker.id for marker in COFFEE.markers}

@@ -15,8 +15,8 @@ from retrolidar_ros.marker.known_markers import (
     objects_of,
     parse_markers,
 )
-from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.scene.description import load_scene
+from retrolidar_ros.settings.files import shared_file
 from retrolidar_ros.settings.section import ConfigError
 
 ids = st.integers(1, IDS - 2)

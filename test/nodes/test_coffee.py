@@ -13,8 +13,8 @@ from harness_tasks import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from std_msgs.msg import Bool, String
 
 from retrolidar_ros.nodes.conversion import from_pose, vector_of
-from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.scene.description import load_scene
+from retrolidar_ros.settings.files import shared_file
 
 
 @pytest.fixture(scope='module')

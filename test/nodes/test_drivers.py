@@ -20,9 +20,9 @@ from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
 from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.emulator import VERSION, PortLink
-from retrolidar_ros.scene.files import load_scene
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 STATUS = 'driver: frames'
 STOPPED = 'the sensor is stopped: call ~/start'

@@ -22,9 +22,9 @@ from tf2_msgs.msg import TFMessage
 
 from retrolidar_ros.nodes.conversion import quaternion_in, to_ns, vector_of
 from retrolidar_ros.nodes.emulated_arm import IN_BASE
-from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.scene.description import find_scene, load_scene
 from retrolidar_ros.sensor.rotation import matrix_of
-from retrolidar_ros.settings.yaml_files import load_yaml
+from retrolidar_ros.settings.files import load_yaml
 
 SCENE = load_scene('arm')
 

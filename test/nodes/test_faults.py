@@ -29,8 +29,8 @@ from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_frame_msg, to_ns, to_time
 from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
-from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.sensor.wire import encode_frame
 
 RECONNECT_S = 6.0  # two of the source, and the rest for a machine that is busy

@@ -19,11 +19,11 @@ from test_topics import MARKER_FILE, NAMES
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.detector import METHODS
-from retrolidar_ros.detector.likelihood_detector import Reason
+from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.settings.parameter import Parameter, declared
 
 DRIVER, DETECTOR, BARE = '/real/driver', '/live/detector', '/bare/detector'

@@ -36,7 +36,7 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import to_header, to_pose, to_time, to_transform, vector_of
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.transforms import _LISTENING_S, TransformFinder, TransformSender
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.survey_files import survey_content
 
@@ -99,10 +99,10 @@ def test_frames_that_other_nodes_send_are_named(
     sender.send([transform('mug', 'eye', stamp_ns=stamp_ns) for stamp_ns in range(10, 2000)])
     # What was sent long before it comes back is still our own.
     for stamp_ns, child in ((11, 'mug'), (1999, 'mug'), (3, 'jug')):
-        sender.on_transform(transform(child, 'eye', stamp_ns=stamp_ns))
+        sender.on_transforms(TFMessage(transforms=[transform(child, 'eye', stamp_ns=stamp_ns)]))
     assert sender.problem('eye') == ''
     for parent in ('eye', 'other_eye'):
-        sender.on_transform(transform('mug', parent, stamp_ns=5000))
+        sender.on_transforms(TFMessage(transforms=[transform('mug', parent, stamp_ns=5000)]))
         assert f'mug (in {parent}): set frame_prefix' in sender.problem('eye')
     assert sender.problem('another eye') == ''
     later_s = time.monotonic() + 100

@@ -31,7 +31,7 @@ from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import from_frame_msg, to_frame_msg, to_ns, to_time
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.nodes.qos import FRAME_QOS
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.sensor.frame import Frame
 
 DETECTOR = 'detector: markers'

@@ -17,7 +17,7 @@ from harness_nodes import running
 from harness_readings import mapped
 
 from retrolidar_ros.cli.demo import executable
-from retrolidar_ros.settings.yaml_files import yaml_text
+from retrolidar_ros.settings.files import yaml_text
 from retrolidar_ros.tasks.survey_files import survey_content
 
 FILES = {

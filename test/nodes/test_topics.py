@@ -34,7 +34,7 @@ from retrolidar_ros.nodes.conversion import (
     to_signal_image,
     vector_of,
 )
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.sensor.frame import Frame, valid_samples
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.rotation import matrix_of

@@ -15,9 +15,9 @@ from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.msg import MarkerTrack
 from retrolidar_ros.nodes.conversion import to_ns
-from retrolidar_ros.scene.files import load_scene
+from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.reference import SENSOR
-from retrolidar_ros.settings.resources import shared_file
+from retrolidar_ros.settings.files import shared_file
 
 
 @pytest.fixture(scope='module')

@@ -16,7 +16,7 @@ from evaluation.bench.recordings import record
 from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.marker.wakeup import (
+from retrolidar_ros.marker.power import (
     GUARD_V,
     LARGEST_ANGLE_RAD,
     NOISE_V,
@@ -25,8 +25,7 @@ from retrolidar_ros.marker.wakeup import (
     voltage_v,
     wakeup_range_m,
 )
-from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
-from retrolidar_ros.scene.reference import WALL_SIGNAL
+from retrolidar_ros.scene.reference import NEEDED_SNR_DB, WALL_SIGNAL, needed_swing
 
 Output = pytest.CaptureFixture[str]
 

@@ -23,8 +23,8 @@ from retrolidar_ros.scene.description import (
     Response,
     Sensor,
     Surface,
+    load_scene,
 )
-from retrolidar_ros.scene.files import load_scene
 from retrolidar_ros.scene.optics import position_at
 from retrolidar_ros.scene.truth import judge
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid

@@ -16,21 +16,20 @@ from retrolidar_ros.detector.methods import MAX_PACKETS, METHODS, create_detecto
 from retrolidar_ros.detector.parameters import READING
 from retrolidar_ros.marker.code import IDS, RESERVED_IDS
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
-from retrolidar_ros.scene.files import find_scene, load_scene
+from retrolidar_ros.scene.description import find_scene, load_scene
 from retrolidar_ros.sensor.model import NoiseLaw
 from retrolidar_ros.sensor.serial_source import PROTOCOLS
-from retrolidar_ros.settings import resources
+from retrolidar_ros.settings import files
+from retrolidar_ros.settings.files import load_yaml, shared_file
 from retrolidar_ros.settings.parameter import declared, file_values, misspelled
-from retrolidar_ros.settings.resources import shared_file
 from retrolidar_ros.settings.section import ConfigError
-from retrolidar_ros.settings.yaml_files import load_yaml
 
 Patch = pytest.MonkeyPatch
 
 
 def install(directory: Path, monkeypatch: Patch) -> None:
     """Let the package be in a directory."""
-    monkeypatch.setattr(resources, '_PACKAGE', directory / 'retrolidar_ros')
+    monkeypatch.setattr(files, '_PACKAGE', directory / 'retrolidar_ros')
 
 
 def test_a_source_tree_holds_its_own_files(tmp_path: Path, monkeypatch: Patch) -> None:

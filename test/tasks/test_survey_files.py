@@ -11,7 +11,7 @@ import pytest
 from harness_readings import HERE, estimate_of, mapped
 
 from retrolidar_ros.sensor.frame import Floats
-from retrolidar_ros.settings.yaml_files import MAX_BYTES
+from retrolidar_ros.settings.files import MAX_BYTES
 from retrolidar_ros.tasks.landmarks import Estimate, Landmark
 from retrolidar_ros.tasks.reading import Errors, KnownPose
 from retrolidar_ros.tasks.survey import MAX_LANDMARKS

@@ -1,6 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML files, with duplicate keys and aliases refused."""
+"""Files that ship with the package, and YAML files, with duplicate keys and aliases refused."""
 
 from collections.abc import Callable, Hashable
 from io import StringIO
@@ -13,8 +13,22 @@ from retrolidar_ros.settings.section import ConfigError
 
 T = TypeVar('T')
 
+_PACKAGE = Path(__file__).absolute().parent.parent
 MAX_BYTES = 2**20
 _OF_TAGS = (LookupError, AttributeError, TypeError, ArithmeticError)  # as of `!!bool maybe`
+
+
+def shared_file(name: str) -> Path:
+    """Return the path of a file of the package, or FileNotFoundError with the places searched."""
+    beside = _PACKAGE.parent
+    directories = [parent / 'share' / _PACKAGE.name for parent in beside.parents]
+    if (beside / 'package.xml').is_file():
+        directories.insert(0, beside)
+    for directory in directories:
+        if (directory / name).exists():
+            return directory / name
+    places = ', '.join(map(str, directories))
+    raise FileNotFoundError(f'{name} of {_PACKAGE.name} is missing; looked for it in {places}')
 
 
 class _CarefulLoader(yaml.SafeLoader):
@@ -71,7 +85,6 @@ def load_parsed(path: Path, parse: Callable[[Any], T]) -> T:
     """Return the parsed content of a YAML file; ConfigError, which names it, if it is wrong."""
     try:
         return parse(load_yaml(path))
-    except ConfigError as error:
-        raise ConfigError(f'{path}: {error}') from error
     except ValueError as error:
-        raise ConfigError(str(error)) from error
+        where = f'{path}: ' if isinstance(error, ConfigError) else ''  # else it names the path
+        raise ConfigError(f'{where}{error}') from error

@@ -1,16 +1,22 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Wake-up of a marker: the sensor's light on its photodiode against a threshold (paper §3.3).
+"""Power of a marker: what wakes it (paper §3.3), and how long its battery lasts (§5, Tab. 2).
 
-All voltages are root mean squares behind both filters. Light and noise are independent, so their
-powers add: V² = noise² + light². The light falls with the square of the distance (paper §6.5) and
-with the cosine of the angle. Saturation of the amplifier at close range is not modelled.
+The sensor's light on its photodiode is held against a threshold. All voltages are root mean squares
+behind both filters. Light and noise are independent, so their powers add: V² = noise² + light². The
+light falls with the square of the distance (§6.5) and with the cosine of the angle. Saturation of
+the amplifier at close range is not modelled.
+
+A marker sleeps, looks for that light in short regular windows, and is active while it sends
+packets. Self-discharge, and the capacity left below the least voltage, are not modelled.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.sensor.frame import Floats
 
 # Paper Tab. 5, both filters [V].
@@ -24,6 +30,8 @@ LOOK_S = 1e-3
 LOOK_EVERY_S = 0.1
 LATENCY_S = 0.4e-3  # of the circuit (paper §5)
 WAKING_S = LOOK_EVERY_S + LATENCY_S  # longest time from the first light to the first bit
+CELL_MAH = 90.0  # the paper's
+_HOUR_S = 3600.0
 
 
 def needed_light_v(threshold_v: float, noise_v: float) -> float:
@@ -58,3 +66,42 @@ def wakeup_range_m(
 
 def _facing(angle_rad: float) -> float:
     return math.cos(angle_rad) if abs(angle_rad) <= LARGEST_ANGLE_RAD else 0.0
+
+
+@dataclass(frozen=True)
+class Currents:
+    """Current of a marker in each mode [mA], or by each mode in the mean; those of paper Tab. 2."""
+
+    sleep: float = 0.001
+    detection: float = 3.98
+    active: float = 12.7
+
+    @property
+    def total(self) -> float:
+        """Their sum [mA]."""
+        return self.sleep + self.detection + self.active
+
+
+PROTOTYPE = Currents()
+
+
+def active_share(queries_per_hour: float, packets: int = 1) -> float:
+    """Return the share of time in which a marker sends; ValueError for impossible queries."""
+    share = queries_per_hour * packets * PACKET_S / _HOUR_S
+    if not 0 <= share <= 1:
+        max_queries = _HOUR_S / (packets * PACKET_S)
+        raise ValueError(
+            f'{queries_per_hour:g} queries an hour are impossible; 0 to {max_queries:.0f}, '
+            f'as each takes {packets * PACKET_S:g} s'
+        )
+    return share
+
+
+def drawn(active: float, currents: Currents = PROTOTYPE) -> Currents:
+    """Return the mean currents [mA] of a marker that is active for a share of the time."""
+    looking = LOOK_S / LOOK_EVERY_S
+    return Currents(
+        sleep=currents.sleep * (1 - looking) * (1 - active),
+        detection=currents.detection * looking * (1 - active),
+        active=currents.active * active,
+    )
