@@ -50,8 +50,8 @@ static void find_profile(struct rl_window *window)
 
 /* Light of an interferer: what was read of it, what it sends if it continues, and either with a
  * gain that changes. One form of all markers is tried after the other, as a marker that is still
- * left out may look like another form of one. A zone may see less while its neighbour sees more, by
- * what the sensor does against stray light, so gains may be negative.
+ * left out may look like another form of one. Seldom, a zone sees less while its neighbour sees
+ * more, by what the sensor does against stray light: then the gain is negative.
  */
 enum { AS_READ, CONTINUES, CHANGES, FORMS };
 
@@ -81,8 +81,9 @@ static void add_interference(struct rl_window *window)
                 continue;
             }
             lay_interferer(window, i, form, continues[i]);
-            if (rl_fit_gain(whitened, window->part, true).log_likelihood >
-                whitened->null + price) {
+            const struct rl_gain fit = rl_fit_gain(whitened, window->part, true);
+            const double of_sign = fit.gain < 0.0 ? RL_COST_OF_CHANCE : 0.0;
+            if (fit.log_likelihood > whitened->null + price + of_sign) {
                 rl_add_interferer(whitened, window->part);
                 continues[i] = continues[i] || form == CONTINUES;
             }
