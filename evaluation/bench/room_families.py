@@ -10,7 +10,7 @@ from evaluation.bench.recordings import range_of, signal_at
 from evaluation.bench.room_markers import Course, RoomMarker, room_marker
 from evaluation.bench.room_scene import Room, RoomSimulation
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S
+from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Surface
@@ -76,6 +76,19 @@ def ten_packets(signal: float, rng: np.random.Generator) -> Room:
         ends_s = (begin_s, begin_s + lasting_s)
         markers.append(room_marker('sequence', course, _bit_s(rng), *ends_s, rng))
     return _room(duration_s, *markers)
+
+
+def pausing(number: int, pause_bits: float, rng: np.random.Generator) -> Room:
+    """Return one marker that sends an ID again and again, with pauses of one length."""
+    course = Course('still', _anywhere(int(rng.integers(SENSOR.grid.zones)), 1.0, rng))
+    bit_s = _bit_s(rng)
+    start_s = PACKET_S * rng.random() + bit_s * (PACKET_BITS + pause_bits) * np.arange(_TEN)
+    levels = np.ones((_TEN, PACKET_BITS + 1))
+    levels[:, :-1] -= packet(number)
+    edges_s = start_s[:, None] + bit_s * np.arange(PACKET_BITS + 1)
+    ids = np.full(_TEN, number)
+    marker = RoomMarker('pauses', course, bit_s, ids, start_s, edges_s.ravel(), levels.ravel())
+    return _room(float(start_s[-1]), marker)
 
 
 def appearing(signal: float, rng: np.random.Generator) -> Room:
