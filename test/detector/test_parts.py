@@ -3,6 +3,7 @@
 """What parts of the decision buy: each test fails without the parts that it names."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,6 +99,9 @@ def test_these_ids_have_another_packet_in_the_midst_of_two() -> None:
             within = zip(USABLE_IDS.tolist(), map(place.get, values), strict=True)
             found |= {(number, pause, other) for number, other in within if other}
     assert found == PAUSES
+    page = (Path(__file__).parents[2] / 'docs' / 'choosing.md').read_text(encoding='utf-8')
+    *ids, last = map(str, sorted(number for number, *_ in PAUSES))
+    assert f'{", ".join(ids)} and {last}' in page.replace('\n', ' ')
 
 
 def test_a_marker_that_pauses_is_read_as_no_other() -> None:
