@@ -27,18 +27,22 @@ from numpy.typing import NDArray
 
 from evaluation.bench.disturbances import restless_blocks
 from evaluation.bench.reference_scene import marker_in_each_zone
+from evaluation.bench.room_families import pausing, ten_packets
+from evaluation.bench.room_scene import Room, RoomSimulation
 from evaluation.report.claims import markdown, write_figures
 from retrolidar_ros.bag import FrameWriter, read_frames
 from retrolidar_ros.cli.decode import to_json
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
+from retrolidar_ros.marker.code import RESERVED_IDS
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 PERIOD_S = SENSOR.period_s
 RANGE_M = 2.0
+SIGNAL = 150.0  # [kcps/SPAD]
 TALKING = (0, 6, 11)
 GRIDS = (ZoneGrid(4, 4), ZoneGrid(8, 8))
 FRAMES = 2000  # four times what eight packets take
@@ -58,6 +62,11 @@ def recording(grid: ZoneGrid, talking: int) -> Recording:
         for name in ('distance', 'signal', 'ambient', 'status')
     }
     return replace(tiles[0], grid=grid, **arrays)
+
+
+def seen(room: Room, rng: np.random.Generator) -> Recording:
+    """Return the frames of a room."""
+    return RoomSimulation(room, rng).run(room.scene.duration_s)
 
 
 def frame_times_us(frames: Recording) -> NDArray[np.float64]:
@@ -96,8 +105,10 @@ def cases() -> Iterator[tuple[str, Recording]]:
         zones = f'{grid.rows}×{grid.columns} zones'
         yield f'{zones}, quiet', recording(grid, 0)
         yield f'{zones}, three markers', recording(grid, len(TALKING))
-    hands = restless_blocks(FRAMES * PERIOD_S, np.random.default_rng(1))
-    yield '4×4 zones, moving hands', next(hands)
+    rng = np.random.default_rng(1)
+    yield '4×4 zones, moving hands', next(restless_blocks(FRAMES * PERIOD_S, rng))
+    yield '4×4 zones, ever other IDs in each', seen(ten_packets(SIGNAL, rng), rng)
+    yield '4×4 zones, a marker without an ID', seen(pausing(RESERVED_IDS[0], 0, rng), rng)
 
 
 def main() -> None:
