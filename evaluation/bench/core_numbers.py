@@ -4,7 +4,7 @@
 
 import re
 
-from evaluation.bench.core_parts import Part, core_sources
+from evaluation.bench.changed_core import Part, core_sources
 
 NUMBERS = {
     'bearing.c': ('BLUR_DOUBT', 'SMEARED', 'MODEL_ERROR'),

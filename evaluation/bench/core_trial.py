@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench import room_families as families
-from evaluation.bench.core_parts import lines_of_core
+from evaluation.bench.changed_core import lines_of_core
 from evaluation.bench.disturbances import FAMILY
 from evaluation.bench.judging import judged
 from evaluation.bench.places import ELLIPSOID

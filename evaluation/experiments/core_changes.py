@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evaluation.bench import core_trial
+from evaluation.bench.changed_core import Part, call_with, check_changes
 from evaluation.bench.core_numbers import number_changes
-from evaluation.bench.core_parts import Part, call_with, check_changes, part_changes
+from evaluation.bench.core_parts import part_changes
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 
 SIGMAS = 3.0  # of the change by chance; a larger one counts

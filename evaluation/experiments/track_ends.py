@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.core_parts import Part, call_with
+from evaluation.bench.changed_core import Part, call_with
 from evaluation.bench.following import play
 from evaluation.bench.recordings import Sent, record, record_at
 from evaluation.bench.stresses import PLAIN, Stress
