@@ -85,8 +85,6 @@ void rl_process_frame(struct rl_detector *detector);
 /* Judge the best hit of a channel, and what it may hide. */
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
 
-struct rl_packet_train rl_train_of(const struct rl_verdict *verdict);
-
 /* By how much two new packets in a zone are likelier than any others of the same sum, if they begin
  * together [nats]; 0 if their last bits may be still to come.
  */
@@ -105,6 +103,9 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
  */
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);
+
+/* The packets of a verdict as a train. */
+struct rl_packet_train rl_train_of(const struct rl_verdict *verdict);
 
 /* Whether packets of an ID were read that overlap with a time by more than a few bits. */
 bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s);

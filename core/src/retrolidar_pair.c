@@ -18,11 +18,6 @@ struct other_pair {
     uint32_t flipped; /* bits of both that differ from the pair that is judged */
 };
 
-struct rl_packet_train rl_train_of(const struct rl_verdict *verdict)
-{
-    return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
-}
-
 /* Open the window of a packet, with another one beside it, and what was read of other markers. */
 static void open_beside(struct rl_detector *detector, const struct rl_verdict *one,
                         const struct rl_verdict *other, double to_s)

@@ -43,6 +43,11 @@ static struct rl_active_track *free_slot(struct rl_pool *pool)
     return first;
 }
 
+struct rl_packet_train rl_train_of(const struct rl_verdict *verdict)
+{
+    return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
+}
+
 /* Whether a train continues another one. */
 static bool continues(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
@@ -55,7 +60,7 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
                                          const struct rl_reading *reading)
 {
     const struct rl_verdict *verdict = &reading->verdict;
-    const struct rl_packet_train train = {verdict->transmission, verdict->begin_s, verdict->end_s};
+    const struct rl_packet_train train = rl_train_of(verdict);
     struct rl_active_track *track = NULL;
     struct rl_packet_train whole = train;
     for (int i = 0; i < pool->count; i++) {

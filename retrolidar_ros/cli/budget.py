@@ -7,7 +7,8 @@ import json
 import math
 from typing import Any
 
-from retrolidar_ros.scene.reference import SENSOR, SENSOR_REACH_M, SNR, budget
+from retrolidar_ros.scene.marker_budget import SENSOR_REACH_M, SNR, budget
+from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.settings.section import quantity
 
 HELP = 'expected link, wake-up and battery life of a marker'

@@ -23,7 +23,8 @@ from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface, load_scene
-from retrolidar_ros.scene.reference import SENSOR, needed_swing
+from retrolidar_ros.scene.marker_budget import needed_swing
+from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording
 
 GRID = SENSOR.grid

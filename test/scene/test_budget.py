@@ -25,7 +25,8 @@ from retrolidar_ros.marker.power import (
     voltage_v,
     wakeup_range_m,
 )
-from retrolidar_ros.scene.reference import NEEDED_SNR_DB, WALL_SIGNAL, needed_swing
+from retrolidar_ros.scene.marker_budget import NEEDED_SNR_DB, needed_swing
+from retrolidar_ros.scene.reference import WALL_SIGNAL
 
 Output = pytest.CaptureFixture[str]
 
