@@ -28,6 +28,7 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
     detector->pool.count = 0;
     detector->searched_s = -INFINITY;
     detector->read_anew = 0;
+    detector->read_from_s = INFINITY;
     detector->search.frames_a_bit = 0.0;
     for (int zone = 0; zone < RL_MAX_ZONES; zone++) {
         detector->active_s[zone] = -INFINITY;

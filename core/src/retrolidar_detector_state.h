@@ -68,7 +68,8 @@ struct rl_detector {
     double max_llr_deficit; /* nats by which any bits may be better than a hit */
     double consumed_until_s[RL_MAX_CHANNELS]; /* end of the last packet read in each */
     uint64_t read_anew; /* zones, and those beside them, that saw packets read since the last search
-                         * of the residual */
+                         * of the residual ... */
+    double read_from_s; /* ... and when the first of these began */
     double active_s[RL_MAX_ZONES]; /* since when each varies more than noise; INFINITY if not */
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];

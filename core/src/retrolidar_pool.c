@@ -207,6 +207,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     transmission->dark_before = transmission->dark_after = false;
     /* Its light hid packets in the zones beside, too. */
     detector->read_anew |= track->near;
+    detector->read_from_s = fmin(detector->read_from_s, reading->verdict.begin_s);
     for (int channel = 0; channel < samples->channels; channel++) {
         if ((rl_channel_zones(samples, channel) & track->zones) != 0) {
             detector->consumed_until_s[channel] =

@@ -11,6 +11,8 @@ enum {
     STRETCH_BITS = 2, /* between two searches of the last packet of each channel */
     MAX_WORDS = 300, /* shortlist entries per frame that are compared with all words, at most */
 };
+/* Packets that ended so many packets ago are found no more. */
+static const double MAX_BACK = 2.0;
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
 /* Search channels; reference: zone whose light was subtracted from them, or RL_NO_REFERENCE. */
@@ -120,8 +122,10 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
 {
     const struct rl_samples *samples = &detector->samples;
     const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
+    const double anew_s =
+        fmin(from_s, fmax(detector->read_from_s, from_s - MAX_BACK * packet_s));
     double rest[RL_MAX_CHANNELS];
-    const uint64_t subtracted = subtract_read(detector, from_s - packet_s, to_s, rest);
+    const uint64_t subtracted = subtract_read(detector, anew_s, to_s, rest);
     for (int again = 0; again < 2; again++) {
         int channels[RL_MAX_CHANNELS], count = 0;
         for (int channel = 0; channel < samples->channels; channel++) {
@@ -131,7 +135,7 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
                 channels[count++] = channel;
             }
         }
-        const double ended_s = from_s - again * packet_s;
+        const double ended_s = again ? anew_s : from_s;
         search(detector, channels, count, 0, ended_s, to_s, -INFINITY);
         search(detector, channels, count, 1, ended_s, to_s, -INFINITY);
     }
@@ -141,6 +145,7 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
         }
     }
     detector->read_anew = 0;
+    detector->read_from_s = INFINITY;
 }
 
 /* Subtract the light of a zone beside from strong zones, and search them if that explains most of

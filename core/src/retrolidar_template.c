@@ -12,6 +12,8 @@ static const double LN_9 = 2.1972245773362196;
 static const double DARKENING_S = 0.0005, BRIGHTENING_S = 0.0035;
 /* Trains have the same phase if it differs by less [bits]. */
 static const double SAME_PHASE_BITS = 1.0;
+/* What was read ends with a packet if it ends by this share of one earlier or later. */
+static const double WHOLE = 1.0 / RL_PACKET_BITS;
 
 struct packet {
     /* Of each bit, and of the idle time after them: its level, the level before it, and the
@@ -119,10 +121,15 @@ void rl_train_light(const struct rl_packet_train *train, bool continues, const d
     transmission.repeats = transmission.repeats || continues;
     transmission.dark_before = transmission.dark_after = false; /* trains beside it tell that */
     rl_template(&transmission, begin_s, end_s, rows, light);
+    /* What was read may begin and end within packets; markers send whole ones. */
+    const double packet_s = RL_PACKET_BITS * transmission.bit_s;
+    const double before = (train->begin_s - transmission.start_s) / packet_s;
+    const double after = (train->end_s - transmission.start_s) / packet_s;
+    const double from_s = transmission.start_s + packet_s * floor(before + WHOLE);
+    const double until_s = transmission.start_s + packet_s * ceil(after - WHOLE);
     for (int row = 0; row < rows; row++) {
         const double middle_s = (begin_s[row] + end_s[row]) / 2;
-        if (transmission.repeats &&
-            (middle_s < train->begin_s || (!continues && middle_s > train->end_s))) {
+        if (transmission.repeats && (middle_s < from_s || (!continues && middle_s > until_s))) {
             light[row] = 1.0;
         }
     }

@@ -32,7 +32,9 @@ struct rl_packet_train {
 void rl_template(const struct rl_transmission *transmission, const double *begin_s,
                  const double *end_s, int rows, double *light);
 
-/* The same of a train, as far as it was read, or as if it continued; bright elsewhere. */
+/* The same of a train: of the packets that were read in part or in whole, or as if it continued;
+ * bright elsewhere.
+ */
 void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
                     const double *end_s, int rows, double *light);
 
