@@ -123,8 +123,7 @@ class Zone:
         for template in self._interferers:
             column = white @ template
             column -= sum((column @ other) * other for other in basis)
-            # No marker makes a zone darker while it is bright.
-            if column @ left > 0 and column @ column > 1e-9:
+            if column @ column > 1e-9:
                 basis.append(column / np.linalg.norm(column))
                 left = left - (left @ basis[-1]) * basis[-1]
         return left, basis
@@ -152,6 +151,27 @@ class Zone:
                 left = max(float(x @ x - gain * (x @ t)), 0.0)
                 fits.append(self._fit(left, scale, gain, 1))
         return max(fits)
+
+    def fit_knots(self, template: Floats, weights: Floats) -> float:
+        """Return the log likelihood of a template whose gain is linear between knots.
+
+        No gain is negative, so all sets of knots are tried. How much of each sample is on a knot is
+        given, of shape (samples, knots).
+        """
+        knots = weights.shape[1]
+        best = self.fit_light(None).log_likelihood
+        for white, scale in self._whitening:
+            x, basis = self._without_interferers(white)
+            t = white @ (template[:, None] * weights)
+            t -= sum(np.outer(other, other @ t) for other in basis)
+            for count in range(1, knots + 1):
+                for chosen in itertools.combinations(range(knots), count):
+                    gains = np.linalg.lstsq(t[:, chosen], x, rcond=None)[0]
+                    left = x - t[:, chosen] @ gains
+                    if (gains >= 0).all():
+                        fit = self._fit(float(left @ left), scale, 0.0, knots)
+                        best = max(best, fit.log_likelihood)
+        return best
 
     def fit(self, sending: Sending | None) -> Fit:
         """Return the best fit of what is sent, or of nothing."""

@@ -18,6 +18,11 @@ static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
+/* A packet that interferers are chosen beside leaves less variance, over that of noise: something
+ * else that is bright could take any shape.
+ */
+static const double MAX_EXCESS = 20.0;
+
 /* Whether a lone packet, ended or not, explains the window as well as one that repeats. */
 static bool may_be_lone(const struct rl_case *judged)
 {
@@ -109,8 +114,11 @@ static bool is_evident(struct rl_case *judged)
 {
     struct rl_window *window = judged->window;
     struct rl_verdict *verdict = &judged->verdict;
-    judged->own = rl_window_refine(window, &verdict->transmission, judged->half_bits);
-    verdict->evidence = judged->own - window->whitened.null;
+    rl_window_refine(window, &verdict->transmission, judged->half_bits);
+    judged->price =
+        verdict->packets == 1 ? rl_window_follow_gain(window, &verdict->transmission) : 0.0;
+    judged->own = rl_window_try(window, &verdict->transmission);
+    verdict->evidence = judged->own - judged->price - window->whitened.null;
     verdict->fit = window->fit;
     return verdict->evidence >=
            judged->thresholds->evidence + cost_of_changes(verdict->transmission.bits) +
@@ -175,14 +183,6 @@ static bool is_word(struct rl_case *judged)
     const int begin = transmission->repeats ? rl_bit_of((int)floor(since_bits + 0.5)) : 0;
     judged->bits = rl_bits_cut(transmission, begin, judged->silent_bits);
     verdict->word = rl_word_flip_bits(judged);
-    const double any = judged->own + verdict->word;
-    judged->price = verdict->packets == 1 && !judged->follows
-                        ? rl_window_follow_gain(judged->window, transmission)
-                        : 0.0;
-    if (judged->price > 0.0) {
-        judged->own = rl_window_try(judged->window, transmission);
-        verdict->word = fmax(rl_word_flip_bits(judged), any - (judged->own - judged->price));
-    }
     verdict->word = fmax(verdict->word, rl_word_sequence(judged) - judged->own);
     if (verdict->packets > 1) {
         verdict->word = fmax(verdict->word, rl_word_packets(judged));
@@ -201,6 +201,14 @@ static double price_of_sum(const struct rl_case *judged)
     return is_sum && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
+/* Additional margin if gains may change: a packet of another ID that begins with the same bits is
+ * like one that fades.
+ */
+static double price_of_change(const struct rl_case *judged)
+{
+    return judged->window->gain_changes && !judged->follows ? RL_COST_OF_CHANCE : 0.0;
+}
+
 /* The decision margin, less the prices of a changing gain and of a sum of zones. Two packets that
  * look like this one do so in each zone, so they have no price of a sum.
  */
@@ -213,10 +221,11 @@ static double margin_of(struct rl_case *judged)
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
         margin = fmin(margin, rl_rivals_successive_margin(judged));
     }
-    return margin - judged->price;
+    return margin - price_of_change(judged);
 }
 
-struct rl_verdict rl_decide(struct rl_case *judged)
+/* Judge a packet beside the interferers that the window chooses. */
+static struct rl_verdict decide(struct rl_case *judged)
 {
     struct rl_verdict *verdict = &judged->verdict;
     verdict->reason = open(judged);
@@ -236,7 +245,7 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     if (verdict->margin < judged->thresholds->margin) {
         return *verdict;
     }
-    judged->window->has_profile = false;
+    judged->window->gain_changes = false;
     const double steady = judged->own - judged->price;
     const double other =
         verdict->packets == 1 ? rl_clock_excess(judged->window, &verdict->transmission, steady)
@@ -244,4 +253,23 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     verdict->word = fmax(verdict->word, other);
     verdict->reason = other > judged->thresholds->word ? RL_NOT_A_WORD : RL_READ;
     return *verdict;
+}
+
+struct rl_verdict rl_decide(struct rl_case *judged)
+{
+    struct rl_window *window = judged->window;
+    const struct rl_case given = *judged;
+    struct rl_verdict verdict = decide(judged);
+    if (verdict.reason == RL_EVIDENCE && window->interference.count > 0 &&
+        verdict.evidence > MIN_ALONE * judged->thresholds->evidence) {
+        window->beside = &verdict.transmission;
+        *judged = given;
+        const struct rl_verdict again = decide(judged);
+        window->beside = NULL;
+        if (again.reason == RL_READ &&
+            rl_excess_variance(&window->whitened, &again.fit) < MAX_EXCESS) {
+            verdict = again;
+        }
+    }
+    return verdict;
 }

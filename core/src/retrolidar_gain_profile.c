@@ -1,15 +1,15 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* A gain that changes during a packet: of a marker that moves, or in light that sways. */
-#include "retrolidar_window.h"
+#include "retrolidar_gain_profile.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
 
 /* Weight that keeps neighbouring knots alike, as a share of the mean energy. */
 static const double STIFFNESS = 0.02;
+/* Share of its energy that is added to each knot, as two may have the same light. */
+static const double RIDGE = 1e-6;
 
 /* The position of a row between two knots. */
 struct between {
@@ -140,4 +140,46 @@ double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)
 {
     const struct between at = between_knots(row, knots_a_row(rows));
     return (1.0 - at.beyond) * gain[at.knot] + at.beyond * gain[at.knot + 1];
+}
+
+double rl_knot_weight(int knot, int row, int rows)
+{
+    return fmax(1.0 - fabs(row * knots_a_row(rows) - knot), 0.0);
+}
+
+/* An active set: if gains may not be negative, the most negative one becomes zero until there is
+ * none.
+ */
+double rl_knots_solve(double normal[RL_KNOTS][RL_KNOTS], const double right[RL_KNOTS],
+                      bool may_darken, double gain[RL_KNOTS])
+{
+    bool is_used[RL_KNOTS];
+    for (int i = 0; i < RL_KNOTS; i++) {
+        is_used[i] = normal[i][i] > RL_NO_ENERGY;
+    }
+    for (int worst = 0; worst >= 0;) {
+        double matrix[RL_KNOTS][RL_KNOTS];
+        for (int i = 0; i < RL_KNOTS; i++) {
+            gain[i] = is_used[i] ? right[i] : 0.0;
+            for (int j = 0; j <= i; j++) {
+                matrix[i][j] = is_used[i] && is_used[j] ? normal[i][j] : i == j;
+            }
+            matrix[i][i] *= 1.0 + RIDGE;
+        }
+        solve(matrix, gain);
+        worst = -1;
+        for (int i = 0; i < RL_KNOTS; i++) {
+            if (!may_darken && gain[i] < 0.0 && (worst < 0 || gain[i] < gain[worst])) {
+                worst = i;
+            }
+        }
+        if (worst >= 0) {
+            is_used[worst] = false;
+        }
+    }
+    double explained = 0.0;
+    for (int i = 0; i < RL_KNOTS; i++) {
+        explained += gain[i] * right[i];
+    }
+    return explained;
 }

@@ -6,8 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-/* A template of less energy is constant in the window. */
-static const double NO_ENERGY = 1e-9;
 /* The last lane repeats the one before it, to fill vectors of two. */
 static const double Q_OVER_R[RL_WALK_LANES] = {0.0, 0.003, 0.01, 0.03, 0.1,
                                                0.3, 1.0,   3.0,  30.0, 30.0};
@@ -18,7 +16,7 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory 
     whitened->gain = rl_take(memory, rows, sizeof *whitened->signal);
     whitened->scale = rl_take(memory, rows, sizeof *whitened->signal);
     whitened->signal = rl_take(memory, rows, sizeof *whitened->signal);
-    for (int i = 0; i <= RL_MAX_INTERFERERS; i++) {
+    for (int i = 0; i < RL_MAX_INTERFERERS + RL_KNOTS; i++) {
         whitened->interferer[i] = rl_take(memory, rows, sizeof *whitened->signal);
     }
     whitened->row = rl_take(memory, rows, sizeof(int));
@@ -106,17 +104,22 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
 }
 
 /* Whiten a template as the signal was, and find its products with itself and with the signal. The
- * first sample only sets the level.
+ * first sample only sets the level. Return the first sample that differs from it; the column is 0
+ * before.
  */
-static void whiten_template(const struct rl_whitened *whitened, const double *light,
-                            double (*column)[RL_WALK_LANES], double power[RL_WALK_LANES],
-                            double cross[RL_WALK_LANES])
+static int whiten_template(const struct rl_whitened *whitened, const double *light,
+                           double (*column)[RL_WALK_LANES], double power[RL_WALK_LANES],
+                           double cross[RL_WALK_LANES])
 {
     double level[RL_WALK_LANES] = {0.0}, squares[RL_WALK_LANES] = {0.0};
     double products[RL_WALK_LANES] = {0.0};
     const double first = light[whitened->row[0]];
-    memset(column[0], 0, sizeof column[0]);
-    for (int sample = 1; sample < whitened->samples; sample++) {
+    int from = 1;
+    while (from < whitened->samples && light[whitened->row[from]] == first) {
+        from++;
+    }
+    memset(column, 0, (size_t)from * sizeof *column);
+    for (int sample = from; sample < whitened->samples; sample++) {
         const double value = light[whitened->row[sample]] - first;
         const double *gain = whitened->gain[sample], *scale = whitened->scale[sample];
         const double *signal = whitened->signal[sample];
@@ -132,14 +135,15 @@ static void whiten_template(const struct rl_whitened *whitened, const double *li
     }
     memcpy(power, squares, sizeof squares);
     memcpy(cross, products, sizeof products);
+    return from;
 }
 
-/* Products of two whitened columns, for every walk. */
-static void multiply(const double (*a)[RL_WALK_LANES], const double (*b)[RL_WALK_LANES],
+/* Products of two whitened columns from a sample on, for every walk. */
+static void multiply(const double (*a)[RL_WALK_LANES], const double (*b)[RL_WALK_LANES], int from,
                      int samples, double product[RL_WALK_LANES])
 {
     memset(product, 0, RL_WALK_LANES * sizeof *product);
-    for (int sample = 1; sample < samples; sample++) {
+    for (int sample = from; sample < samples; sample++) {
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
             product[walk] += a[sample][walk] * b[sample][walk];
         }
@@ -170,15 +174,15 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light)
     whiten_template(whitened, light, column, power, product);
     for (int i = 0; i < whitened->interferers; i++) {
         rl_const_column other = (rl_const_column)whitened->interferer[i];
-        multiply((rl_const_column)column, other, samples, product);
+        multiply((rl_const_column)column, other, 1, samples, product);
         subtract(column, other, samples, product);
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
             power[walk] -= product[walk] * product[walk];
         }
     }
-    multiply((rl_const_column)column, (rl_const_column)whitened->signal, samples, product);
+    multiply((rl_const_column)column, (rl_const_column)whitened->signal, 1, samples, product);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
-        scale[walk] = power[walk] > NO_ENERGY ? 1.0 / sqrt(power[walk]) : 0.0;
+        scale[walk] = power[walk] > RL_NO_ENERGY ? 1.0 / sqrt(power[walk]) : 0.0;
         product[walk] *= scale[walk];
         whitened->squares[walk] -= product[walk] * product[walk];
     }
@@ -203,17 +207,17 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
     if (whitened->samples < 3) {
         return best;
     }
-    whiten_template(whitened, light, column, power, cross);
+    const int from = whiten_template(whitened, light, column, power, cross);
     for (int i = 0; i < whitened->interferers; i++) {
         double shared[RL_WALK_LANES];
-        multiply((rl_const_column)column, (rl_const_column)whitened->interferer[i],
+        multiply((rl_const_column)column, (rl_const_column)whitened->interferer[i], from,
                  whitened->samples, shared);
         for (int walk = 0; walk < RL_WALK_LANES; walk++) {
             power[walk] -= shared[walk] * shared[walk];
         }
     }
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        if (!(may_darken || cross[walk] > 0.0) || !(power[walk] > NO_ENERGY)) {
+        if (!(may_darken || cross[walk] > 0.0) || !(power[walk] > RL_NO_ENERGY)) {
             continue;
         }
         double variance;
@@ -222,6 +226,72 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
         const double likelihood = log_likelihood(whitened, walk, squares, 1, &variance);
         if (likelihood > best.log_likelihood) {
             best = (struct rl_gain){likelihood, cross[walk] / power[walk], variance, walk};
+        }
+    }
+    return best;
+}
+
+/* Products of the light on each knot, for every walk, less what interferers explain of them. */
+struct knot_products {
+    double normal[RL_KNOTS][RL_KNOTS][RL_WALK_LANES], right[RL_KNOTS][RL_WALK_LANES];
+};
+
+static void multiply_knots(const struct rl_whitened *whitened, const double *light, int rows,
+                           double *part, struct knot_products *products)
+{
+    double shared[RL_KNOTS][RL_MAX_INTERFERERS][RL_WALK_LANES];
+    for (int knot = 0; knot < RL_KNOTS; knot++) {
+        double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers + knot];
+        for (int row = 0; row < rows; row++) {
+            part[row] = light[row] * rl_knot_weight(knot, row, rows);
+        }
+        const int from = whiten_template(whitened, part, column, products->normal[knot][knot],
+                                         products->right[knot]);
+        for (int i = 0; i < whitened->interferers + knot; i++) {
+            double *product = i < whitened->interferers
+                                  ? shared[knot][i]
+                                  : products->normal[knot][i - whitened->interferers];
+            multiply((rl_const_column)column, (rl_const_column)whitened->interferer[i], from,
+                     whitened->samples, product);
+        }
+        for (int other = 0; other <= knot; other++) {
+            for (int i = 0; i < whitened->interferers; i++) {
+                for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+                    products->normal[knot][other][walk] -=
+                        shared[knot][i][walk] * shared[other][i][walk];
+                }
+            }
+        }
+    }
+}
+
+struct rl_gain rl_fit_knots(const struct rl_whitened *whitened, const double *light, int rows,
+                            bool may_darken, double *part, double gains[RL_KNOTS])
+{
+    struct knot_products products;
+    struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
+    memset(gains, 0, RL_KNOTS * sizeof *gains);
+    if (whitened->samples < 3) {
+        return best;
+    }
+    multiply_knots(whitened, light, rows, part, &products);
+    for (int walk = 0; walk < RL_WALKS; walk++) {
+        double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], gain[RL_KNOTS], variance, mean = 0.0;
+        for (int i = 0; i < RL_KNOTS; i++) {
+            right[i] = products.right[i][walk];
+            for (int j = 0; j <= i; j++) {
+                normal[i][j] = products.normal[i][j][walk];
+            }
+        }
+        const double explained = rl_knots_solve(normal, right, may_darken, gain);
+        const double squares = fmax(whitened->squares[walk] - explained, 0.0);
+        const double likelihood = log_likelihood(whitened, walk, squares, RL_KNOTS, &variance);
+        for (int i = 0; i < RL_KNOTS; i++) {
+            mean += gain[i] / (i > 0 && i < RL_KNOTS - 1 ? 1.0 : 2.0) / (RL_KNOTS - 1);
+        }
+        if (explained > 0.0 && likelihood > best.log_likelihood) {
+            best = (struct rl_gain){likelihood, mean, variance, walk};
+            memcpy(gains, gain, sizeof gain);
         }
     }
     return best;

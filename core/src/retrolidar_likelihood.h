@@ -12,14 +12,14 @@
 #ifndef RETROLIDAR_LIKELIHOOD_H
 #define RETROLIDAR_LIKELIHOOD_H
 
-#include "retrolidar_constants.h"
+#include "retrolidar_gain_profile.h"
 #include "retrolidar_math.h"
 
 #include <stdbool.h>
 
 enum {
     /* Templates fitted along with the one that is tried: knots of a reference, or packets. */
-    RL_MAX_INTERFERERS = RL_PARTS + 5,
+    RL_MAX_INTERFERERS = 2 * RL_PARTS,
     RL_WALKS = 9,       /* values of q that are tried */
     RL_WALK_LANES = 10, /* the same, rounded up to an even number */
 };
@@ -33,9 +33,9 @@ struct rl_whitened {
     double (*signal)[RL_WALK_LANES]; /* whitened */
     int interferers;
     /* Templates of other packets, whitened and orthonormal; they are subtracted from the signal.
-     * The last one is memory for the template that is tried.
+     * The last ones are memory for the template that is tried, on each knot.
      */
-    double (*interferer[RL_MAX_INTERFERERS + 1])[RL_WALK_LANES];
+    double (*interferer[RL_MAX_INTERFERERS + RL_KNOTS])[RL_WALK_LANES];
     double squares[RL_WALK_LANES];
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;                     /* least variance of noise that a fit may claim */
@@ -70,6 +70,14 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
  */
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light,
                            bool may_darken);
+
+/* The same with a gain that changes. Return its mean.
+ *
+ * part: memory for as many rows
+ * gains: on each knot
+ */
+struct rl_gain rl_fit_knots(const struct rl_whitened *whitened, const double *light, int rows,
+                            bool may_darken, double *part, double gains[RL_KNOTS]);
 
 /* Variance that a fit leaves, over the least: far above 1 if something else is there. */
 double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit);

@@ -1,8 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* A rival of a packet: a known marker that sends again after a pause. The end of its last packet and
- * the beginning of the next one may look like a packet of another ID.
+/* A rival of a packet: a known marker that sends again after a pause. The end of its last packet
+ * and the beginning of the next one may look like a packet of another ID.
  */
 #include "retrolidar_decide.h"
 

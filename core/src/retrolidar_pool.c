@@ -148,11 +148,7 @@ static double energy_in(struct rl_window *window, int zone, const struct rl_verd
     rl_window_open(window, zone, false, verdict->begin_s, verdict->end_s);
     const double price = rl_window_follow_gain(window, &verdict->transmission);
     const double likelihood = rl_window_try(window, &verdict->transmission);
-    double mean = window->has_profile ? 0.0 : 1.0;
-    for (int row = 0; window->has_profile && row < window->rows; row++) {
-        mean += window->profile[row] / window->rows;
-    }
-    const double gain = window->fit.gain * mean;
+    const double gain = window->fit.gain;
     return likelihood - price > window->whitened.null + RL_COST_OF_CHANCE ? gain * gain : 0.0;
 }
 

@@ -5,36 +5,10 @@
 #ifndef RETROLIDAR_WINDOW_H
 #define RETROLIDAR_WINDOW_H
 
+#include "retrolidar_gain_profile.h"
 #include "retrolidar_likelihood.h"
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
-
-enum { RL_KNOTS = RL_PARTS - 1 };
-
-/* What a gain that changes must explain besides a steady one [nats]. */
-static inline double rl_price_of_profile(void)
-{
-    return RL_COST_OF_GAIN * (RL_KNOTS - 1);
-}
-
-struct rl_gain_profile {
-    double nats;          /* log likelihood ratio of the steps against no light, less its price */
-    /* Sums over the steps: of the signal with the light, and of the light squared. Their ratio is
-     * the steady gain.
-     */
-    double cross, energy;
-};
-
-/* Fit a gain that is linear between RL_KNOTS knots, equally spaced over the rows. It is fitted to
- * the steps from row to row, which a wandering level changes little.
- *
- * light: of the packet in each row
- */
-struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
-                                           const double *light, int rows, double gain[RL_KNOTS]);
-
-/* The gain in a row. */
-double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows);
 
 struct rl_window {
     const struct rl_samples *samples;
@@ -50,9 +24,12 @@ struct rl_window {
     double min_bit_s, max_bit_s;         /* limits of a refinement */
     double *light;                       /* of the template that was tried last */
     double *part;                        /* of the light of an interferer */
-    double *seen;                        /* light times profile */
-    double *profile;                     /* gain of each row over the greatest, 0 to 1 */
-    bool has_profile;                    /* whether the gain changes */
+    double *on_knot;                     /* light of a knot of its gain */
+    bool gain_changes;                   /* whether gains may change */
+    /* A packet that interferers are chosen beside, or NULL: without it, what is not explained yet
+     * may hide them.
+     */
+    const struct rl_transmission *beside;
     struct rl_room room;
 };
 
@@ -92,8 +69,8 @@ double rl_window_refine(struct rl_window *window, struct rl_transmission *transm
 /* Fit the gain of a packet along with that of any other. */
 void rl_window_add(struct rl_window *window, const struct rl_transmission *transmission);
 
-/* Fit a changing gain to a packet. If it explains more than it costs, all that is tried in this
- * window has it from now on, as rivals may move, too. Return the cost [nats].
+/* Fit a changing gain to a packet. If it explains more than it costs, the gain of all that is tried
+ * in this window may change from now on, as rivals may move, too. Return the cost [nats].
  */
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
 

@@ -12,11 +12,25 @@ def _call(file: str, call: str) -> Part:
 PARTS = {
     'earlier packets fitted along': Part('window', 'i < interference->count;', 'i < 0;'),
     'earlier packets: as they continue': Part(
-        'window', 'marker, form == CONTINUES || continues);', 'marker, false && continues);'
+        'window',
+        'one->form == CONTINUES || one->continues,',
+        'false && one->continues,',
+    ),
+    'earlier packets: gains that rise or bend': Part(
+        'window', '(form > CONTINUES && !is_seen[i])', '(form > CONTINUES && form < CHANGES)'
     ),
     'earlier packets: gains that change': Part('window', 'form < FORMS;', 'form < CHANGES;'),
     'earlier packets: gains of either sign': Part('window', 'part, true)', 'part, false)'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
+    'earlier packets: chosen beside the packet': Part(
+        'decide', 'if (verdict.reason == RL_EVIDENCE &&', 'if (false &&'
+    ),
+    'earlier packets: beside the packet, little left': Part(
+        'decide', 'MAX_EXCESS = 20.0', 'MAX_EXCESS = INFINITY'
+    ),
+    'earlier packets: whole ones': Part(
+        'template', 'packet_s * ceil(after - WHOLE)', 'packet_s * after'
+    ),
     'earlier packets: those of a marker as one': Part('template', 'ambiguous[i] ? i : 0;', 'i;'),
     'earlier packets: overlapping ones apart': Part(
         'template', '= is_ambiguous(interference, i);', '= false;'
@@ -29,7 +43,7 @@ PARTS = {
         '        search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);',
     ),
     'residual searched again once it is known': Part(
-        'process_frame', 'from_s - again * packet_s', 'from_s - 0.0 * again * packet_s'
+        'process_frame', 'again ? anew_s : from_s', 'from_s'
     ),
     'search of the residual: sums of zones, too': Part(
         'process_frame',
@@ -125,8 +139,11 @@ PARTS = {
     'margin: the next packet of a known marker': Part(
         'rivals', 'fmax(nearest, rl_rivals_next(judged))', 'nearest'
     ),
+    'gains that change along the packet: a price in the margin': Part(
+        'decide', 'gain_changes && !judged->follows', 'gain_changes && false'
+    ),
     'gains that change along the packet': Part(
-        'decide', 'verdict->packets == 1 && !judged->follows\n', 'false\n'
+        'decide', 'verdict->packets == 1 ? rl_window_follow_gain', 'false ? rl_window_follow_gain'
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
     'word test: two packets together': Part(

@@ -186,7 +186,7 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
         ),
         (whitened, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept)),
         (whitened.interferer, dict.fromkeys(range(len(whitened.interferer)), kept)),
-        (window, dict.fromkeys(('light', 'part', 'seen', 'profile'), kept)),
+        (window, dict.fromkeys(('light', 'part', 'on_knot'), kept)),
         (residual, {'light': kept, 'part': kept, 'saved': kept * samples.channels}),
         (detector, {'values': kept, 'role': kept, 'other': lib.RL_MAX_OTHERS * kept}),
     ):
