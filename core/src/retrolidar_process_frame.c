@@ -9,10 +9,9 @@
 enum {
     FOLDS = 5,
     STRETCH_BITS = 2, /* between two searches of the last packet of each channel */
+    SEARCHED_BITS = 2 * RL_PACKET_BITS + RL_CONTINUES_BITS, /* that the residual is searched back */
     MAX_WORDS = 300, /* shortlist entries per frame that are compared with all words, at most */
 };
-/* Packets that ended so many packets ago are found no more. */
-static const double MAX_BACK = 2.0;
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
 /* Search channels; reference: zone whose light was subtracted from them, or RL_NO_REFERENCE. */
@@ -84,8 +83,7 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
-    /* A zone is searched until about three packets after its last reading. */
-    const double over_s = to_s - (2 * RL_PACKET_BITS + RL_CONTINUES_BITS) * bit_s;
+    const double over_s = to_s - SEARCHED_BITS * bit_s;
     uint64_t zones = rl_pool_zones(&detector->pool, over_s);
     for (int zone = 0; zone < samples->zones; zone++) {
         const uint64_t own = (uint64_t)1 << zone;
@@ -121,9 +119,8 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
 static void search_residual(struct rl_detector *detector, double from_s, double to_s)
 {
     const struct rl_samples *samples = &detector->samples;
-    const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
-    const double anew_s =
-        fmin(from_s, fmax(detector->read_from_s, from_s - MAX_BACK * packet_s));
+    const double over_s = to_s - SEARCHED_BITS * detector->settings.bit_s;
+    const double anew_s = fmin(from_s, fmax(detector->read_from_s, over_s));
     double rest[RL_MAX_CHANNELS];
     const uint64_t subtracted = subtract_read(detector, anew_s, to_s, rest);
     for (int again = 0; again < 2; again++) {

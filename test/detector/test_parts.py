@@ -126,6 +126,22 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
 
 
 @pytest.mark.parametrize(
+    ('seed', 'speed_m_s', 'run'),
+    [
+        pytest.param(10842, 0.3, 6, id='gains of interferers'),
+        pytest.param(10844, 0.6, 5, id='gains of interferers, too'),
+        pytest.param(10850, 0.1, 7, id='margin where gains change'),
+    ],
+)
+def test_a_marker_that_fades_is_read_as_no_other(seed: int, speed_m_s: float, run: int) -> None:
+    """Another ID that begins with the same bits explains its light as well."""
+    rng = np.random.default_rng([seed, int(100 * speed_m_s), run])
+    scored = play_room(0, room_families.crossing(speed_m_s, 20.0, rng), rng).scored
+    assert scored.wrong == []
+    assert sum(whole(scored)) >= 10
+
+
+@pytest.mark.parametrize(
     ('seed', 'number'),
     [
         pytest.param(9401, 35, id='gain that changes'),
@@ -141,6 +157,7 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
         pytest.param(10733, 40, id='zones beside, again'),
         pytest.param(10760, 47, id='placed by light that is certain'),
         pytest.param(10760, 50, id='placed beside what is known'),
+        pytest.param(10849, 101, id='little left beside what is known'),
     ],
 )
 def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
@@ -161,6 +178,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (10770, 124, 37),
         (10775, 341, 17),
         (10777, 77, 26),
+        (10849, 129, 16),
     ],
     ids=[
         'sums of residuals',
@@ -171,6 +189,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         'the dimmer of two targets',
         'sums of which a zone is erased',
         'two packets that look like one, in a sum',
+        'interferers beside the packet',
     ],
 )
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
