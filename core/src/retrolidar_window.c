@@ -111,10 +111,8 @@ static void add_reference(struct rl_window *window)
     rl_reference_light(window->samples, window->reference, window->first, window->rows,
                        window->light);
     for (int knot = 0; knot < RL_KNOTS; knot++) {
-        double gain[RL_KNOTS] = {0.0};
-        gain[knot] = 1.0;
         for (int row = 0; row < window->rows; row++) {
-            window->part[row] = window->light[row] * rl_gain_profile_at(gain, row, window->rows);
+            window->part[row] = window->light[row] * rl_knot_weight(knot, row, window->rows);
         }
         rl_add_interferer(&window->whitened, window->part);
     }
@@ -132,8 +130,7 @@ static void whiten_signal(struct rl_window *window)
 /* Make all markers that are seen beside a packet interferers. The null hypothesis may do without
  * some of these if that is likelier.
  */
-static void add_interference_beside(struct rl_window *window,
-                                    const struct rl_transmission *beside)
+static void add_interference_beside(struct rl_window *window)
 {
     const int forms[] = {AS_READ, RISES, BENDS};
     struct rl_whitened *whitened = &window->whitened;
@@ -144,7 +141,7 @@ static void add_interference_beside(struct rl_window *window,
         null -= price_of(&added[i]);
     }
     whiten_signal(window);
-    lay_light(window, beside);
+    lay_light(window, window->beside);
     for (int i = 0; i < 3; i++) {
         const struct interferer own = {.form = forms[i]};
         lay_form(window, &own);
@@ -176,7 +173,7 @@ static void whiten(struct rl_window *window)
         add_reference(window);
         add_interference(window, added);
     } else if (window->beside != NULL && window->rows > 0) {
-        add_interference_beside(window, window->beside);
+        add_interference_beside(window);
     } else {
         add_interference(window, added);
     }
