@@ -5,10 +5,6 @@
 
 #include <math.h>
 
-enum {
-    MIN_WALK = 3, /* index of q from which on the level wanders */
-};
-
 /* A packet that has repeated keeps this share of its evidence if the bits before are added. */
 static const double MIN_LONGER = 0.9;
 /* A candidate with less than this share of the threshold is rejected at once. */
@@ -109,6 +105,12 @@ static int open(struct rl_case *judged)
                                                                            : RL_READ;
 }
 
+/* The price of a start among all that are searched, which an expected packet has not. */
+static double price_of_start(const struct rl_case *judged)
+{
+    return judged->is_expected ? RL_COST_OF_CHANCE : 0.0;
+}
+
 /* Fit the packet closely; return whether the evidence is enough. */
 static bool is_evident(struct rl_case *judged)
 {
@@ -121,9 +123,10 @@ static bool is_evident(struct rl_case *judged)
     verdict->evidence = judged->own - judged->price - window->whitened.null;
     verdict->fit = window->fit;
     return verdict->evidence >=
-           judged->thresholds->evidence + cost_of_changes(verdict->transmission.bits) +
+           judged->thresholds->evidence - price_of_start(judged) +
+               cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-               (window->fit.walk >= MIN_WALK ? judged->thresholds->wandering : 0.0) +
+               (window->fit.walk >= RL_WANDERS ? judged->thresholds->wandering : 0.0) +
                LEFT_OVER * window->whitened.explained;
 }
 
@@ -219,7 +222,7 @@ static double margin_of(struct rl_case *judged)
     /* A known marker more likely continues than does this. */
     if (margin >= judged->thresholds->margin && judged->verdict.packets == 1 && !judged->follows) {
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
-        margin = fmin(margin, rl_rivals_successive_margin(judged));
+        margin = fmin(margin, rl_rivals_successive_margin(judged) + price_of_start(judged));
     }
     return margin - price_of_change(judged);
 }

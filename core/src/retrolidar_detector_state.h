@@ -86,6 +86,9 @@ void rl_process_frame(struct rl_detector *detector);
 /* Judge the best hit of a channel, and what it may hide. */
 void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
 
+/* Judge packets of any ID that are expected where another one of a marker ends or begins. */
+void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s);
+
 /* By how much two new packets in a zone are likelier than any others of the same sum, if they begin
  * together [nats]; 0 if their last bits may be still to come.
  */
@@ -114,6 +117,10 @@ bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s
 /* The packets of an ID that a train follows by the same clock; NULL if none are held. */
 const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint16_t id,
                                                const struct rl_packet_train *train);
+
+/* Whether a packet begins where a lone one that some zones saw ends, or ends where one begins. */
+bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
+                     const struct rl_packet_train *packet);
 
 /* List the trains of IDs other than two that some zones may see from one time to another: first
  * those read in these zones, then those read beside them. Trains that ended before `since_s` are

@@ -34,7 +34,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     const struct rl_packet_train train = {
         .transmission = *transmission,
         .begin_s = transmission->repeats ? to_s - packets * packet_s : transmission->start_s,
-        .end_s = to_s};
+        .end_s = transmission->repeats ? to_s : transmission->start_s + packet_s};
     /* A marker that was read up to three packets before may still be sending. */
     rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
                          train.begin_s - 3.0 * packet_s, to_s, hit->id, hit->id, interference);
@@ -51,6 +51,9 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .since_s = since_s,
         .to_s = to_s,
         .follows = before != NULL,
+        .is_expected = before != NULL ||
+                       rl_pool_expects(&detector->pool,
+                                       rl_channel_zones(&detector->samples, channel), &train),
         .word_before = before != NULL ? before->word : 0.0,
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };

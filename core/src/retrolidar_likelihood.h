@@ -22,6 +22,7 @@ enum {
     RL_MAX_INTERFERERS = 2 * RL_PARTS,
     RL_WALKS = 9,       /* values of q that are tried */
     RL_WALK_LANES = 10, /* the same, rounded up to an even number */
+    RL_WANDERS = 3,     /* index of q from which on the level wanders */
 };
 
 /* Samples of a channel in a window, whitened for every q. */

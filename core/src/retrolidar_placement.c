@@ -6,9 +6,13 @@
 
 #include <math.h>
 
+/* Any packet explains this share of another one's light, as all begin with the preamble. */
+static const double ALIKE = (double)RL_PREAMBLE_BITS / RL_PACKET_BITS;
+
 /* Fit of the light to the signal of each zone: gain, its variance, and the residual variance. */
 struct amplitude {
     double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
+    double unknown[RL_MAX_ZONES]; /* light that is not known, in the unit of the gain */
     double score[RL_MAX_ZONES]; /* correlation of the signal with the light */
 };
 
@@ -82,7 +86,8 @@ static double rise_with(const struct rl_seen *seen, const double *light)
     return cross / energy;
 }
 
-static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude *amplitude)
+static void fit_amplitude(const struct rl_samples *samples, const struct rl_seen *seen, int zone,
+                          struct amplitude *amplitude)
 {
     const double energy = fmax(rl_orthogonalise(seen, seen->valid), 1e-9);
     const double rise = rise_with(seen, seen->alone);
@@ -113,6 +118,8 @@ static void fit_amplitude(const struct rl_seen *seen, int zone, struct amplitude
     const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
     amplitude->of[zone] = rise;
     amplitude->noise[zone] = noise;
+    const double excess = fmax(noise - rl_noise_variance(samples, zone, signal), 0.0);
+    amplitude->unknown[zone] = sqrt(excess * count / energy);
     amplitude->score[zone] = fmax(rise, 0.0) / sqrt(rise * rise + power / energy + 1e-30);
     amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
 }
@@ -128,15 +135,16 @@ static bool is_near(const struct rl_samples *samples, const struct rl_reading *r
     return rl_zone_beside(zone, reading->zone[0], samples->sensor.columns);
 }
 
-/* List the zones that saw the packet, sorted by their gain less three deviations: another marker
- * that is not known yet may add or take much.
+/* List the zones that saw the packet, sorted by their gain less three deviations, and less what may
+ * be of another marker that is not known yet.
  */
 static void choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
                          const struct amplitude *amplitude, struct rl_placement *placement)
 {
     double certain[RL_MAX_ZONES], most = 0.0;
     for (int zone = 0; zone < samples->zones; zone++) {
-        const double doubt = RL_MIN_SEEN * sqrt(amplitude->variance[zone]);
+        const double doubt = RL_MIN_SEEN * sqrt(amplitude->variance[zone]) +
+                             ALIKE * amplitude->unknown[zone];
         certain[zone] = is_near(samples, reading, zone) ? amplitude->of[zone] - doubt : 0.0;
         most = fmax(most, certain[zone]);
     }
@@ -261,7 +269,7 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     for (int zone = 0; zone < samples->zones; zone++) {
         look_at(detector, verdict, &seen, first, zone);
         lay_others(detector, verdict, zone, &seen);
-        fit_amplitude(&seen, zone, &amplitude);
+        fit_amplitude(samples, &seen, zone, &amplitude);
     }
     choose_zones(samples, reading, &amplitude, placement);
     if (!find_range(detector, reading, &seen, first, placement)) {

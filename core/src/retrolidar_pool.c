@@ -112,6 +112,21 @@ const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint1
     return NULL;
 }
 
+bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
+                     const struct rl_packet_train *packet)
+{
+    const double near_s = JOINED_BITS * packet->transmission.bit_s;
+    for (int i = 0; i < pool->count; i++) {
+        const struct rl_packet_train *known = &pool->track[i].train;
+        if ((pool->track[i].zones & zones) != 0 && !known->transmission.repeats &&
+            (fabs(packet->begin_s - known->end_s) < near_s ||
+             fabs(known->begin_s - packet->end_s) < near_s)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
                           uint16_t id, uint16_t other_id, struct rl_interference *interference)
 {

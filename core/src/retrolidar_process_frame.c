@@ -299,5 +299,6 @@ void rl_process_frame(struct rl_detector *detector)
         detector->pending[best] = detector->pending[--detector->pendings];
         rl_judge(detector, &pending, to_s);
     }
+    rl_judge_expected(detector, from_s, to_s);
     detector->counts.overloads += detector->pendings > 0 || detector->search.dropped;
 }

@@ -38,6 +38,12 @@ PARTS = {
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
     ),
+    'expected packets of any ID without a search': _call(
+        'process_frame', '    rl_judge_expected(detector, from_s, to_s);'
+    ),
+    'expected packets: no price of a start': Part(
+        'decide', 'judged->is_expected ? RL_COST_OF_CHANCE : 0.0', '0.0'
+    ),
     'search of the residual': _call(
         'process_frame',
         '        search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);',
@@ -196,6 +202,7 @@ PARTS = {
     'zones: by light that is certain': Part(
         'placement', 'RL_MAX_READ, zone, certain', 'RL_MAX_READ, zone, amplitude->of'
     ),
+    'zones: light that is not known': Part('placement', 'ALIKE * amplitude->unknown[zone]', '0.0'),
     'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
     'range: other markers fitted along': Part(
         'placement', 'seen->others < RL_MAX_OTHERS;', 'seen->others < 0;'

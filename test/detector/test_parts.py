@@ -179,6 +179,8 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (10775, 341, 17),
         (10777, 77, 26),
         (10849, 129, 16),
+        (10876, 236, 140),
+        (10876, 75, 115),
     ],
     ids=[
         'sums of residuals',
@@ -190,6 +192,8 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         'sums of which a zone is erased',
         'two packets that look like one, in a sum',
         'interferers beside the packet',
+        'expected packets, and zones with light that is not known',
+        'expected packets at no price',
     ],
 )
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
