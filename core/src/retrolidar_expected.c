@@ -11,10 +11,8 @@
 #include <math.h>
 #include <string.h>
 
-enum {
-    WALK = RL_WANDERS - 1, /* index of q that bits are whitened by: the most without wandering */
-    TRIES = 3, /* once a packet has ended, and after others that overlap it may have been read */
-};
+/* Index of q by which bits are whitened: the most without wandering. */
+enum { WALK = RL_WANDERS - 1 };
 
 /* Products of what the light lacks if a bit is dark: of two bits, those of one another twice, and
  * with the signal.
@@ -141,7 +139,8 @@ void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s)
             packet.start_s = track.train.transmission.start_s + later * packet_s;
             const struct rl_packet_train expected = {packet, packet.start_s,
                                                      packet.start_s + packet_s};
-            for (int tried = 0; tried < TRIES; tried++) {
+            /* Once it has ended, and after others that overlap it may have been read. */
+            for (int tried = 0; tried < RL_TRIED; tried++) {
                 const double at_s =
                     expected.end_s + tried * (packet_s + RL_LOOK_BITS * packet.bit_s);
                 if (at_s > from_s && at_s <= to_s && detector->decisions_left > 0 &&
