@@ -63,7 +63,7 @@ struct rl_case {
     double since_s; /* earlier samples are left out, as its marker was not there [s] */
     double to_s;    /* end of the newest exposure [s] */
     bool follows;   /* whether packets of this ID and clock were read before */
-    bool is_expected; /* whether one of this clock ended as it begins, or begins as it ends */
+    bool is_expected; /* whether it follows these, or a packet of any ID ends or begins with it */
     double word_before; /* word statistic of the last one of these */
     struct rl_verdict verdict; /* channel, packets, ID and transmission are given */
     /* And what is found: */

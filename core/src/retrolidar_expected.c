@@ -90,20 +90,6 @@ static float explained(const struct bit_products *products, uint32_t packet)
     return sum > 0.0f ? sum * sum / energy : 0.0f;
 }
 
-static bool is_read(const struct rl_pool *pool, uint64_t zones,
-                    const struct rl_packet_train *packet)
-{
-    const double overlap_s = RL_LOOK_BITS * packet->transmission.bit_s;
-    for (int i = 0; i < pool->count; i++) {
-        const struct rl_packet_train *train = &pool->track[i].train;
-        if ((pool->track[i].zones & zones) != 0 && rl_keeps_time(train, packet) &&
-            fmin(packet->end_s, train->end_s) - fmax(packet->begin_s, train->begin_s) > overlap_s) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* Judge the packet of any ID that explains most in a zone. */
 static void judge_any(struct rl_detector *detector, int zone, const struct rl_packet_train *packet,
                       double to_s)
@@ -122,14 +108,20 @@ static void judge_any(struct rl_detector *detector, int zone, const struct rl_pa
         struct rl_hit hit = {explained(&products, codebook->packet[word]), codebook->id[word],
                              packet->transmission};
         hit.transmission.bits = codebook->packet[word];
-        rl_keep_best(pending.hits.hit, &pending.hits.count, RL_TRIED, &hit, sizeof hit);
+        if (hit.nats > 0.0f) {
+            rl_keep_best(pending.hits.hit, &pending.hits.count, RL_TRIED, &hit, sizeof hit);
+        }
     }
-    rl_judge(detector, &pending, to_s);
+    if (pending.hits.count > 0) {
+        rl_judge(detector, &pending, to_s);
+    }
 }
 
 void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s)
 {
     const struct rl_pool *pool = &detector->pool;
+    const struct rl_samples *samples = &detector->samples;
+    const double held_s = samples->begin_s[rl_samples_oldest(samples)];
     for (int i = 0; i < pool->count; i++) {
         const struct rl_active_track track = pool->track[i];
         struct rl_transmission packet = track.train.transmission;
@@ -143,8 +135,9 @@ void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s)
             for (int tried = 0; tried < RL_TRIED; tried++) {
                 const double at_s =
                     expected.end_s + tried * (packet_s + RL_LOOK_BITS * packet.bit_s);
-                if (at_s > from_s && at_s <= to_s && detector->decisions_left > 0 &&
-                    !is_read(pool, track.zones, &expected)) {
+                if (at_s > from_s && at_s <= to_s && packet.start_s >= held_s &&
+                    detector->decisions_left > 0 &&
+                    !rl_pool_has(pool, track.zones, &expected)) {
                     judge_any(detector, track.zone, &expected, to_s);
                 }
             }

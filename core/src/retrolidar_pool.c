@@ -86,14 +86,33 @@ static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_s
     return track;
 }
 
+/* Whether a train and a time overlap by more than a few bits. */
+static bool overlaps(const struct rl_packet_train *train, double begin_s, double end_s,
+                     double bit_s)
+{
+    return fmin(end_s, train->end_s) - fmax(begin_s, train->begin_s) > RL_LOOK_BITS * bit_s;
+}
+
 bool rl_is_known(const struct rl_detector *detector, uint16_t id, double begin_s, double end_s)
 {
     const struct rl_pool *pool = &detector->pool;
-    const double overlap_s = RL_LOOK_BITS * detector->settings.bit_s;
     for (int i = 0; i < pool->count; i++) {
         const struct rl_active_track *track = &pool->track[i];
         if (track->id == id &&
-            fmin(end_s, track->train.end_s) - fmax(begin_s, track->train.begin_s) > overlap_s) {
+            overlaps(&track->train, begin_s, end_s, detector->settings.bit_s)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool rl_pool_has(const struct rl_pool *pool, uint64_t zones, const struct rl_packet_train *packet)
+{
+    for (int i = 0; i < pool->count; i++) {
+        const struct rl_active_track *track = &pool->track[i];
+        if ((track->zones & zones) != 0 && rl_keeps_time(&track->train, packet) &&
+            overlaps(&track->train, packet->begin_s, packet->end_s,
+                     packet->transmission.bit_s)) {
             return true;
         }
     }
