@@ -54,7 +54,7 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
         return true;
     }
     rl_window_open(window, verdict->channel, verdict->is_dimmer, from_s, judged->to_s);
-    const double longer = rl_window_try(window, &verdict->transmission) - window->whitened.null;
+    const double longer = rl_window_try(window, &verdict->transmission) - rl_window_null(window);
     rl_window_open(window, verdict->channel, verdict->is_dimmer, begin_s, judged->to_s);
     rl_window_try(window, &verdict->transmission);
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
@@ -120,7 +120,7 @@ static bool is_evident(struct rl_case *judged)
     judged->price =
         verdict->packets == 1 ? rl_window_follow_gain(window, &verdict->transmission) : 0.0;
     judged->own = rl_window_try(window, &verdict->transmission);
-    verdict->evidence = judged->own - judged->price - window->whitened.null;
+    verdict->evidence = judged->own - judged->price - rl_window_null(window);
     verdict->fit = window->fit;
     return verdict->evidence >=
            judged->thresholds->evidence - price_of_start(judged) +
@@ -161,11 +161,20 @@ static double unknown_bits(const struct rl_bits *bits, int count)
     return unknown;
 }
 
+/* Whether a packet is judged in a sum of zones: several markers together may look like another one.
+ */
+static bool is_in_sum(const struct rl_case *judged)
+{
+    const struct rl_window *window = judged->window;
+    return !window->by_zone && window->samples->channel[judged->verdict.channel].zones > 1;
+}
+
 /* The threshold of the word statistic. The statistic of the packet before counts, too: bits that
  * explain both packets a little better are what is sent. If enough bits are unknown, any sequence
  * looks like a word, so each lowers the threshold; by twice as much if the marker has just
  * appeared, as it is judged with each bit again. With few registered IDs, or if the packet was
- * expected, more bits may be unknown. Half of the preamble must be known.
+ * expected, more bits may be unknown. Half of the preamble must be known. In a sum of zones, no other
+ * bits may explain more than a second marker would by chance.
  */
 static double max_word_of(const struct rl_case *judged)
 {
@@ -173,9 +182,11 @@ static double max_word_of(const struct rl_case *judged)
     const double preamble = unknown_bits(&judged->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&judged->bits, RL_PACKET_BITS) - spare;
     const double price = judged->is_new ? price_of_new_bit() : log(2.0);
-    return 2.0 * preamble > RL_PREAMBLE_BITS
-               ? -INFINITY
-               : judged->thresholds->word - judged->word_before - price * fmax(unknown, 0.0);
+    const double max_word =
+        judged->thresholds->word - judged->word_before - price * fmax(unknown, 0.0);
+    return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY
+           : is_in_sum(judged)               ? fmin(max_word, RL_COST_OF_GAIN)
+                                             : max_word;
 }
 
 static bool is_word(struct rl_case *judged)
@@ -193,23 +204,22 @@ static bool is_word(struct rl_case *judged)
     return verdict->word <= max_word_of(judged);
 }
 
-/* Additional margin in a sum of zones: several markers together may look like another one, more so
- * the more variance the packet leaves.
- */
+/* Additional margin in a sum of zones: more the more variance the packet leaves. */
 static double price_of_sum(const struct rl_case *judged)
 {
-    const struct rl_verdict *verdict = &judged->verdict;
-    const bool is_sum = judged->window->samples->channel[verdict->channel].zones > 1;
-    const double excess = rl_excess_variance(&judged->window->whitened, &verdict->fit);
-    return is_sum && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
+    const double excess =
+        rl_excess_variance(&judged->window->whitened, &judged->verdict.fit);
+    return is_in_sum(judged) && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
-/* Additional margin if gains may change: a packet of another ID that begins with the same bits is
- * like one that fades.
+/* Additional margin if gains may change, as a packet of another ID that begins with the same bits
+ * is like one that fades; and if each zone has its own, as it is judged for a second time.
  */
-static double price_of_change(const struct rl_case *judged)
+static double price_of_gains(const struct rl_case *judged)
 {
-    return judged->window->gain_changes && !judged->follows ? RL_COST_OF_CHANCE : 0.0;
+    const struct rl_window *window = judged->window;
+    const int prices = rl_window_gain_changes(window) + window->by_zone;
+    return judged->follows ? 0.0 : prices * RL_COST_OF_CHANCE;
 }
 
 /* The decision margin, less the prices of a changing gain and of a sum of zones. Two packets that
@@ -224,7 +234,7 @@ static double margin_of(struct rl_case *judged)
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
         margin = fmin(margin, rl_rivals_successive_margin(judged) + price_of_start(judged));
     }
-    return margin - price_of_change(judged);
+    return margin - price_of_gains(judged);
 }
 
 /* Judge a packet beside the interferers that the window chooses. */
@@ -248,7 +258,7 @@ static struct rl_verdict decide(struct rl_case *judged)
     if (verdict->margin < judged->thresholds->margin) {
         return *verdict;
     }
-    judged->window->gain_changes = false;
+    rl_window_keep_gain(judged->window);
     const double steady = judged->own - judged->price;
     const double other =
         verdict->packets == 1 ? rl_clock_excess(judged->window, &verdict->transmission, steady)

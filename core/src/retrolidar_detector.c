@@ -15,6 +15,10 @@ static void start(struct rl_detector *detector, struct rl_memory *memory)
     rl_samples_start(samples, &settings->sensor, settings->kept, settings->bit_s, memory);
     rl_search_start(&detector->search, samples, memory);
     rl_window_start(&detector->window, samples, memory);
+    for (int i = 0; i < RL_SUMMED - 1; i++) {
+        rl_window_start(&detector->other_zone[i], samples, memory);
+    }
+    detector->window.other = detector->other_zone;
     rl_residual_start(&detector->residual, samples, memory);
     detector->other = rl_take(memory, RL_MAX_OTHERS * rows, sizeof *detector->other);
     detector->values = rl_take(memory, rows, sizeof *detector->values);

@@ -54,7 +54,7 @@ struct rl_detector {
     struct rl_settings settings;
     struct rl_samples samples;
     struct rl_search search;
-    struct rl_window window;
+    struct rl_window window, other_zone[RL_SUMMED - 1];
     struct rl_residual residual;
     struct rl_pool pool;
     struct rl_bearing_table bearing;

@@ -16,6 +16,51 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
     rl_interference_assign(interference);
 }
 
+/* The sum of zones that a packet may be seen in zone by zone: its channel if that is one, or of
+ * those with a zone of its channel the one that varies most; the channel if there is none.
+ */
+static int sum_of(const struct rl_samples *samples, int channel)
+{
+    const uint64_t zones = rl_channel_zones(samples, channel);
+    double most = 0.0;
+    int best = channel;
+    for (int sum = samples->zones; sum < samples->channels; sum++) {
+        const double varies = sum == channel ? INFINITY : rl_noise_variation(samples, sum);
+        if (samples->channel[sum].zones == RL_SUMMED && varies > most &&
+            (rl_channel_zones(samples, sum) & zones) != 0) {
+            most = varies;
+            best = sum;
+        }
+    }
+    return best;
+}
+
+/* Judge a packet that was rejected again, zone by zone: a marker that crosses zones has another
+ * gain in each, and another marker may disturb some of them only. It is read in the zone of which
+ * it explains most.
+ */
+static void decide_by_zone(struct rl_detector *detector, struct rl_case *judged, double since_s,
+                           struct rl_verdict *verdict)
+{
+    struct rl_window *window = &detector->window;
+    const int sum = sum_of(&detector->samples, verdict->channel);
+    if (detector->samples.channel[sum].zones != RL_SUMMED) {
+        return;
+    }
+    judged->verdict.channel = sum;
+    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, sum), since_s,
+                         judged->to_s, verdict->id, verdict->id, &window->interference);
+    window->by_zone = true;
+    const struct rl_verdict again = rl_decide(judged);
+    window->by_zone = false;
+    if (again.reason == RL_READ) {
+        *verdict = again;
+        rl_window_try(window, &again.transmission);
+        verdict->channel = window->strongest;
+    }
+    window->others = 0;
+}
+
 /* Judge a hit, beside another packet if `beside` is not NULL. */
 static struct rl_verdict decide_as_found(struct rl_detector *detector, int channel, int packets,
                                          const struct rl_hit *hit, const struct rl_hits *hits,
@@ -58,7 +103,15 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };
     detector->window.reference = hits->reference;
-    const struct rl_verdict verdict = rl_decide(&judged);
+    const struct rl_case given = judged;
+    struct rl_verdict verdict = rl_decide(&judged);
+    if (beside == NULL && hits->reference == RL_NO_REFERENCE &&
+        verdict.evidence > detector->search.least &&
+        (verdict.reason == RL_EVIDENCE || verdict.reason == RL_NOT_A_WORD ||
+         verdict.reason == RL_MARGIN)) {
+        judged = given;
+        decide_by_zone(detector, &judged, train.begin_s - 3.0 * packet_s, &verdict);
+    }
     if (detector->candidates < 2 * RL_DECISIONS) {
         detector->candidate[detector->candidates++] = verdict;
     }

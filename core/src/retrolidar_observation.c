@@ -106,7 +106,7 @@ static double open_lone(struct rl_case *judged, struct rl_transmission *lone, do
     struct rl_window *window = judged->window;
     rl_window_open(window, judged->verdict.channel, judged->verdict.is_dimmer,
                    lone->start_s - silence_s, lone->start_s + RL_PACKET_BITS * lone->bit_s);
-    return rl_window_refine(window, lone, RL_PACKET_BITS / 2.0) - window->whitened.null;
+    return rl_window_refine(window, lone, RL_PACKET_BITS / 2.0) - rl_window_null(window);
 }
 
 /* The same with the silence before it, or without, whichever is better. */
@@ -141,7 +141,7 @@ static void open_target(struct rl_case *judged, bool is_dimmer)
         const double begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
         rl_window_open(window, verdict->channel, is_dimmer, begin_s, judged->to_s);
         verdict->evidence = rl_window_refine(window, transmission, half_bits_of(judged)) -
-                            window->whitened.null;
+                            rl_window_null(window);
         verdict->begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
         verdict->end_s = judged->to_s;
     } else {
@@ -167,7 +167,7 @@ void rl_observation_open(struct rl_case *judged)
         }
     }
     judged->half_bits = half_bits_of(judged);
-    judged->own = verdict->evidence + judged->window->whitened.null;
+    judged->own = verdict->evidence + rl_window_null(judged->window);
 }
 
 bool rl_observation_is_erased(const struct rl_case *judged)

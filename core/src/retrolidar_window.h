@@ -1,7 +1,7 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* A window of samples of a channel, and how well packets explain it. */
+/* A window of samples of a channel, or of each zone of a sum, and how well packets explain it. */
 #ifndef RETROLIDAR_WINDOW_H
 #define RETROLIDAR_WINDOW_H
 
@@ -9,6 +9,8 @@
 #include "retrolidar_likelihood.h"
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
+
+enum { RL_SUMMED = 4 }; /* zones of a sum that are judged zone by zone, at most */
 
 struct rl_window {
     const struct rl_samples *samples;
@@ -31,14 +33,26 @@ struct rl_window {
      */
     const struct rl_transmission *beside;
     struct rl_room room;
+    int strongest; /* channel in which the light explains most: that of the fit */
+    bool by_zone;  /* whether each zone of a sum has gain, interferers and noise of its own */
+    int others;
+    struct rl_window *other; /* of the other zones: RL_SUMMED - 1 */
 };
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
                      struct rl_memory *memory);
 
-/* Open the exposures of a channel from one time to another, and whiten them. */
+/* Open the exposures of a channel from one time to another, and whiten them; with `by_zone`, those
+ * of each zone of a sum, whose likelihoods are added.
+ */
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
                     double to_s);
+
+/* Whiten the samples of one channel, and choose what interferes. */
+void rl_window_whiten(struct rl_window *window);
+
+/* Log likelihood without a packet. */
+double rl_window_null(const struct rl_window *window);
 
 /* Log likelihood of a transmission. */
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission);
@@ -73,5 +87,11 @@ void rl_window_add(struct rl_window *window, const struct rl_transmission *trans
  * in this window may change from now on, as rivals may move, too. Return the cost [nats].
  */
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
+
+/* Whether any gain may change. */
+bool rl_window_gain_changes(const struct rl_window *window);
+
+/* From now on, none may. */
+void rl_window_keep_gain(struct rl_window *window);
 
 #endif

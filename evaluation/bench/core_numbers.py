@@ -21,7 +21,7 @@ NUMBERS = {
     'ranging.c': ('IN_ZONE', 'BRIGHTEST'),
     'search.h': ('RL_STRONG',),
     'template.c': ('SAME_PHASE_BITS',),
-    'window.c': ('MIN_NOISE',),
+    'interferers.c': ('MIN_NOISE',),
 }
 """By the file that declares them."""
 

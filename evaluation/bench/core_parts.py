@@ -10,17 +10,17 @@ def _call(file: str, call: str) -> Part:
 
 
 PARTS = {
-    'earlier packets fitted along': Part('window', 'i < interference->count;', 'i < 0;'),
+    'earlier packets fitted along': Part('interferers', 'i < interference->count;', 'i < 0;'),
     'earlier packets: as they continue': Part(
-        'window',
+        'interferers',
         'one->form == CONTINUES || one->continues,',
         'false && one->continues,',
     ),
     'earlier packets: gains that rise or bend': Part(
-        'window', '(form > CONTINUES && !is_seen[i])', '(form > CONTINUES && form < CHANGES)'
+        'interferers', '(form > CONTINUES && !is_seen[i])', '(form > CONTINUES && form < CHANGES)'
     ),
-    'earlier packets: gains that change': Part('window', 'form < FORMS;', 'form < CHANGES;'),
-    'earlier packets: gains of either sign': Part('window', 'part, true)', 'part, false)'),
+    'earlier packets: gains that change': Part('interferers', 'form < FORMS;', 'form < CHANGES;'),
+    'earlier packets: gains of either sign': Part('interferers', 'part, true)', 'part, false)'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
     'earlier packets: chosen beside the packet': Part(
         'decide', 'if (verdict.reason == RL_EVIDENCE &&', 'if (false &&'
@@ -130,7 +130,7 @@ PARTS = {
         'if (false) {',
     ),
     'margin: more of it in sums of zones': Part(
-        'decide', 'is_sum && !judged->follows', 'false && is_sum'
+        'decide', 'is_in_sum(judged) && !judged->follows', 'false && is_in_sum(judged)'
     ),
     'margin: other IDs one after the other': Part(
         'decide',
@@ -146,10 +146,15 @@ PARTS = {
         'rivals', 'fmax(nearest, rl_rivals_next(judged))', 'nearest'
     ),
     'gains that change along the packet: a price in the margin': Part(
-        'decide', 'gain_changes && !judged->follows', 'gain_changes && false'
+        'decide', 'rl_window_gain_changes(window) + window->by_zone', 'window->by_zone'
     ),
+    'zone by zone: judged again': Part('judge', '.zones != RL_SUMMED) {', '.zones != 0) {'),
+    'zone by zone: a price in the margin': Part('decide', ' + window->by_zone;', ';'),
     'gains that change along the packet': Part(
         'decide', 'verdict->packets == 1 ? rl_window_follow_gain', 'false ? rl_window_follow_gain'
+    ),
+    'word test: stricter in sums of zones': Part(
+        'decide', 'fmin(max_word, RL_COST_OF_GAIN)', 'max_word'
     ),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
     'word test: two packets together': Part(

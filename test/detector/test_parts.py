@@ -154,6 +154,8 @@ def test_a_marker_that_fades_is_read_as_no_other(seed: int, speed_m_s: float, ru
         pytest.param(10731, 15, id='preamble not known'),
         pytest.param(10506, 154, id='sums of zones'),
         pytest.param(10733, 42, id='margin in sums of zones'),
+        pytest.param(10923, 263, id='price of zone by zone'),
+        pytest.param(10924, 229, id='no likelier bits in sums of zones'),
         pytest.param(10733, 40, id='zones beside, again'),
         pytest.param(10760, 47, id='placed by light that is certain'),
         pytest.param(10760, 50, id='placed beside what is known'),
@@ -173,7 +175,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (8110, 13, 31),
         (8110, 91, 197),
         (10764, 637, 117),
-        (10103, 499, 9),
+        (10922, 284, 9),
         (10733, 178, 35),
         (10770, 124, 37),
         (10775, 341, 17),
@@ -181,6 +183,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (10849, 129, 16),
         (10876, 236, 140),
         (10876, 75, 115),
+        (10924, 172, 151),
     ],
     ids=[
         'sums of residuals',
@@ -194,6 +197,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         'interferers beside the packet',
         'expected packets, and zones with light that is not known',
         'expected packets at no price',
+        'zone by zone',
     ],
 )
 def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int) -> None:
