@@ -198,10 +198,10 @@ def draw(figures: dict[str, Any]) -> Any:
         half = {'markerfacecolor': 'white', 'linestyle': ':'} if key == 'half_m' else {}
         axis.plot(places, reaches, **how | half, zorder=3)
         axis.errorbar(places, reaches, bars, linestyle='', color=how['color'], capsize=3)
-        # Names stand right of cheap curves, and left of dear ones.
+        # Names stand right of cheap curves, and above and left of dear ones.
         is_dear, top = places[-1] > _DEAR_MS, int(np.argmax(reaches))
-        times, ha = (0.8, 'right') if is_dear else (1.25, 'left')
-        name_curve(axis, name, words, (places[top] * times, reaches[top]), ha=ha)
+        times, rise, ha = (0.8, 0.25, 'right') if is_dear else (1.25, 0.0, 'left')
+        name_curve(axis, name, words, (places[top] * times, reaches[top] + rise), ha=ha)
         for end, times, rise, ha in ((0, 0.9, 0, 'right'), (-1, 1, 0.25, 'center')):
             if not half:
                 beside = (times * places[end], reaches[end] + rise)
