@@ -91,8 +91,8 @@ static double fit(struct rl_window *window, const double *light)
     struct rl_gain best = window->fit;
     window->strongest = window->channel;
     for (int i = 0; i < window->others; i++) {
-        const struct rl_window *other = &window->other[i];
-        const double nats = fit_channel(&window->other[i], light);
+        struct rl_window *other = &window->other[i];
+        const double nats = fit_channel(other, light);
         sum += nats;
         if (nats > most) {
             most = nats;
