@@ -173,8 +173,8 @@ static bool is_in_sum(const struct rl_case *judged)
  * explain both packets a little better are what is sent. If enough bits are unknown, any sequence
  * looks like a word, so each lowers the threshold; by twice as much if the marker has just
  * appeared, as it is judged with each bit again. With few registered IDs, or if the packet was
- * expected, more bits may be unknown. Half of the preamble must be known. In a sum of zones, no other
- * bits may explain more than a second marker would by chance.
+ * expected, more bits may be unknown. Half of the preamble must be known. In a sum of zones, no
+ * other bits may explain more than a second marker would by chance.
  */
 static double max_word_of(const struct rl_case *judged)
 {
