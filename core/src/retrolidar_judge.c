@@ -56,7 +56,7 @@ static void decide_by_zone(struct rl_detector *detector, struct rl_case *judged,
     if (again.reason == RL_READ) {
         *verdict = again;
         rl_window_try(window, &again.transmission);
-        verdict->channel = window->strongest;
+        verdict->channel = window->strongest->channel;
     }
     window->others = 0;
 }

@@ -89,7 +89,7 @@ static double fit(struct rl_window *window, const double *light)
 {
     double most = fit_channel(window, light), sum = most;
     struct rl_gain best = window->fit;
-    window->strongest = window->channel;
+    window->strongest = window;
     for (int i = 0; i < window->others; i++) {
         struct rl_window *other = &window->other[i];
         const double nats = fit_channel(other, light);
@@ -97,7 +97,7 @@ static double fit(struct rl_window *window, const double *light)
         if (nats > most) {
             most = nats;
             best = other->fit;
-            window->strongest = other->channel;
+            window->strongest = other;
         }
     }
     window->fit = best;

@@ -33,8 +33,8 @@ struct rl_window {
      */
     const struct rl_transmission *beside;
     struct rl_room room;
-    int strongest; /* channel in which the light explains most: that of the fit */
-    bool by_zone;  /* whether each zone of a sum has gain, interferers and noise of its own */
+    const struct rl_window *strongest; /* in which the light explains most: that of the fit */
+    bool by_zone; /* whether each zone of a sum has gain, interferers and noise of its own */
     int others;
     struct rl_window *other; /* of the other zones: RL_SUMMED - 1 */
 };
@@ -48,7 +48,7 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
                     double to_s);
 
-/* Whiten the samples of one channel, and choose what interferes. */
+/* Whiten the samples of one channel, and choose what interferes (`retrolidar_interferers.c`). */
 void rl_window_whiten(struct rl_window *window);
 
 /* Log likelihood without a packet. */
