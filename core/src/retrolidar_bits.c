@@ -30,26 +30,21 @@ struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first
     return bits;
 }
 
-void rl_bits_flip(struct rl_case *judged, int split, bool later)
+static void flip_bits(struct rl_case *judged)
 {
     struct rl_bits *bits = &judged->bits;
     struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
-    const double split_s = window->begin_s[split];
     float second = 0.0f; /* of the packet's second bit, which is dark */
     for (int bit = bits->count - 1; bit >= 0; bit--) {
-        const double middle_s = bits->begin_s + (bit + 0.5) * transmission->bit_s;
-        if (split > 0 && (middle_s < split_s) == later) {
-            bits->flipped[bit] = 0.0f;
-        } else if (bit < bits->silent) {
+        if (bit < bits->silent) {
             /* A dark bit in the silence is not tried: it changes about as much as in the packet. */
             bits->flipped[bit] = second;
         } else {
             const int of = rl_bit_of(bits->first + bit - bits->silent);
             struct rl_transmission other = *transmission;
             other.bits ^= rl_packet_bit(of);
-            bits->flipped[bit] =
-                (float)(rl_window_try_part(window, &other, split, later) - judged->own);
+            bits->flipped[bit] = (float)(rl_window_try(window, &other) - judged->own);
             second = of == 1 ? bits->flipped[bit] : second;
         }
     }
@@ -72,7 +67,7 @@ double rl_word_flip_bits(struct rl_case *judged)
     struct rl_transmission best = judged->verdict.transmission;
     double better = 0.0;
     float first[RL_PACKET_BITS]; /* of each bit of the packet */
-    rl_bits_flip(judged, 0, true);
+    flip_bits(judged);
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         first[rl_bit_of(bits->first + bit)] = bits->flipped[bits->silent + bit];
     }

@@ -92,11 +92,6 @@ bool rl_observation_is_erased(const struct rl_case *judged);
 /* Cut a window into the bits of a packet. */
 struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first, int silent);
 
-/* Flip each bit in a part of the window: before a row, or from it on (`later`); from row 0 on, all.
- * The marker is seen in that part only, and `own` is the log likelihood of that.
- */
-void rl_bits_flip(struct rl_case *judged, int split, bool later);
-
 /* Log likelihood of the best sequence of bits that the search has found. */
 double rl_word_sequence(const struct rl_case *judged);
 

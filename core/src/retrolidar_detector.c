@@ -19,7 +19,8 @@ static void start(struct rl_detector *detector, struct rl_memory *memory)
         rl_window_start(&detector->other_zone[i], samples, memory);
     }
     detector->window.other = detector->other_zone;
-    rl_residual_start(&detector->residual, samples, memory);
+    /* Packets are subtracted while none is judged, so that shares a window. */
+    rl_residual_start(&detector->residual, samples, detector->other_zone, memory);
     detector->other = rl_take(memory, RL_MAX_OTHERS * rows, sizeof *detector->other);
     detector->values = rl_take(memory, rows, sizeof *detector->values);
     detector->role = rl_take(memory, rows, 1);

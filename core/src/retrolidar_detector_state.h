@@ -13,7 +13,7 @@ enum {
     RL_POOL = 64,      /* active tracks that are held */
     RL_READINGS = 32,  /* per frame, at most */
     RL_DECISIONS = 12, /* candidates that are judged per frame, at most */
-    RL_MAX_PENDING = 5 * RL_MAX_CHANNELS + 15 * RL_MAX_ZONES, /* all of a frame */
+    RL_MAX_PENDING = 4 * RL_MAX_CHANNELS + 5 * RL_MAX_ZONES, /* all of a frame */
     /* A search for one packet reads so many of the newest bits. */
     RL_SEARCH_BITS = 2 * RL_PACKET_BITS + RL_LOOK_BITS,
 };
@@ -34,11 +34,10 @@ struct rl_pool {
     struct rl_active_track track[RL_POOL];
 };
 
-/* Memory to subtract packets from samples, and to restore these. */
+/* To subtract packets from samples, and to restore these. */
 struct rl_residual {
     struct rl_samples *samples;
-    struct rl_room room;
-    double *light[2], *part; /* of a marker that has stopped, and that continues */
+    struct rl_window *window; /* in which packets are fitted */
     float *saved; /* signals of each channel, before packets were subtracted */
     int first;    /* row from which they were saved */
 };
@@ -139,16 +138,14 @@ uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
 uint64_t rl_channel_zones(const struct rl_samples *samples, int channel);
 
 void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
-                       struct rl_memory *memory);
+                       struct rl_window *window, struct rl_memory *memory);
 
-/* Subtract transmissions from the samples of a zone since a time. Return the variance of the rest
- * over the newest packet's length, over that of the noise.
+/* Subtract transmissions from the samples of a zone since a time, as far as they are seen there
+ * (`retrolidar_interferers.c`). Return the variance of the rest over the newest packet's length,
+ * over that of the noise.
  */
 double rl_residual_subtract(struct rl_residual *residual, int zone,
                             const struct rl_interference *interference, double from_s);
-
-/* Subtract the light that another zone sees, by its fitted gain. Return the same. */
-double rl_residual_cancel(struct rl_residual *residual, int zone, int reference, double from_s);
 
 /* Sum the zones of a channel anew, after transmissions were subtracted. Return the same. */
 double rl_residual_sum(struct rl_residual *residual, int channel);

@@ -2,115 +2,35 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* Packets that are expected where another one of a marker ends or begins. As start and clock are
- * known, the bits are found by least squares, without a search.
+ * known, they are searched at these only.
  */
 #include "retrolidar_detector_state.h"
 
-#include "retrolidar_math.h"
-
 #include <math.h>
-#include <string.h>
 
-/* Index of q by which bits are whitened: the most without wandering. */
-enum { WALK = RL_WANDERS - 1 };
-
-/* Products of what the light lacks if a bit is dark: of two bits, those of one another twice, and
- * with the signal.
+/* Search a zone for a packet of any ID at an expected time, less those that were read before, and
+ * judge it. As no start is chosen among many, it needs less evidence.
  */
-struct bit_products {
-    float normal[RL_PACKET_BITS][RL_PACKET_BITS], right[RL_PACKET_BITS];
-};
-
-/* Lay out the light of each single dark bit, in memory for templates that are tried. */
-static void lay_bits(struct rl_window *window, const struct rl_transmission *packet)
+static void judge_any(struct rl_detector *detector, int zone,
+                      const struct rl_packet_train *expected, double to_s)
 {
-    struct rl_whitened *whitened = &window->whitened;
-    struct rl_transmission one = *packet;
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        double (*column)[RL_WALK_LANES] =
-            whitened->interferer[RL_MAX_INTERFERERS + bit / RL_WALK_LANES];
-        one.bits = rl_packet_bit(bit);
-        rl_template(&one, window->begin_s, window->end_s, window->rows, window->light);
-        for (int i = 0; i < whitened->samples; i++) {
-            column[i][bit % RL_WALK_LANES] = window->light[whitened->row[i]];
-        }
-    }
-}
-
-/* Whiten the light of all bits, and find their products less what interferers explain. */
-static void multiply_bits(const struct rl_whitened *whitened, struct bit_products *products)
-{
-    double level[RL_PACKET_BITS] = {0.0};
-    float white[RL_PACKET_BITS], shared[RL_PACKET_BITS][RL_MAX_INTERFERERS];
-    memset(products, 0, sizeof *products);
-    memset(shared, 0, sizeof shared);
-    for (int sample = 1; sample < whitened->samples; sample++) {
-        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            double (*column)[RL_WALK_LANES] =
-                whitened->interferer[RL_MAX_INTERFERERS + bit / RL_WALK_LANES];
-            const int lane = bit % RL_WALK_LANES;
-            const double innovation = column[sample][lane] - column[0][lane] - level[bit];
-            level[bit] += whitened->gain[sample][WALK] * innovation;
-            white[bit] = (float)(innovation * whitened->scale[sample][WALK]);
-            products->right[bit] += white[bit] * (float)whitened->signal[sample][WALK];
-            for (int other = 0; other <= bit; other++) {
-                products->normal[bit][other] += white[bit] * white[other];
-            }
-            for (int i = 0; i < whitened->interferers; i++) {
-                shared[bit][i] += white[bit] * (float)whitened->interferer[i][sample][WALK];
-            }
-        }
-    }
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        for (int other = 0; other <= bit; other++) {
-            for (int i = 0; i < whitened->interferers; i++) {
-                products->normal[bit][other] -= shared[bit][i] * shared[other][i];
-            }
-            products->normal[bit][other] *= other < bit ? 2.0f : 1.0f;
-        }
-    }
-}
-
-/* By how much a packet lowers the squares. */
-static float explained(const struct bit_products *products, uint32_t packet)
-{
-    int dark[RL_PACKET_BITS], count = 0;
-    float sum = 0.0f, energy = (float)RL_NO_ENERGY;
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        if ((packet & rl_packet_bit(bit)) != 0) {
-            dark[count++] = bit;
-            sum += products->right[bit];
-        }
-    }
-    for (int i = 0; sum > 0.0f && i < count; i++) {
-        for (int j = 0; j <= i; j++) {
-            energy += products->normal[dark[i]][dark[j]];
-        }
-    }
-    return sum > 0.0f ? sum * sum / energy : 0.0f;
-}
-
-/* Judge the packet of any ID that explains most in a zone. */
-static void judge_any(struct rl_detector *detector, int zone, const struct rl_packet_train *packet,
-                      double to_s)
-{
-    struct rl_window *window = &detector->window;
-    const struct rl_codebook *codebook = &detector->search.codebook;
-    struct bit_products products;
+    const double bit_s = expected->transmission.bit_s, end_s = expected->end_s;
+    const double phase_s = bit_s / RL_PHASES;
     struct rl_pending pending = {.channel = zone, .packets = 1, .since_s = -INFINITY};
-    pending.hits.reference = window->reference = RL_NO_REFERENCE;
-    rl_pool_interference(&detector->pool, (uint64_t)1 << zone, packet->begin_s, to_s, 0, 0,
-                         &window->interference);
-    rl_window_open(window, zone, false, packet->begin_s, packet->end_s);
-    lay_bits(window, &packet->transmission);
-    multiply_bits(&window->whitened, &products);
-    for (int word = 0; word < codebook->words; word++) {
-        struct rl_hit hit = {explained(&products, codebook->packet[word]), codebook->id[word],
-                             packet->transmission};
-        hit.transmission.bits = codebook->packet[word];
-        if (hit.nats > 0.0f) {
-            rl_keep_best(pending.hits.hit, &pending.hits.count, RL_TRIED, &hit, sizeof hit);
-        }
+    struct rl_interference interference;
+    rl_pool_interference(&detector->pool, (uint64_t)1 << zone, expected->begin_s, to_s, 0, 0,
+                         &interference);
+    rl_residual_subtract(&detector->residual, zone, &interference,
+                         expected->begin_s - RL_SILENT_BITS * bit_s);
+    detector->search.least -= RL_COST_OF_CHANCE;
+    rl_search_channels(&detector->search, &zone, 1, 0, end_s - phase_s, fmin(end_s + phase_s, to_s),
+                       -INFINITY, detector->max_llr_deficit, &pending.hits);
+    detector->search.least += RL_COST_OF_CHANCE;
+    rl_residual_restore(&detector->residual, zone);
+    for (int i = 0; i < pending.hits.count; i++) {
+        struct rl_transmission *found = &pending.hits.hit[i].transmission;
+        found->start_s = expected->transmission.start_s;
+        found->bit_s = bit_s;
     }
     if (pending.hits.count > 0) {
         rl_judge(detector, &pending, to_s);

@@ -22,21 +22,6 @@ static inline double rl_price_of_profile(void)
     return RL_COST_OF_GAIN * (RL_KNOTS - 1);
 }
 
-struct rl_gain_profile {
-    double nats;          /* log likelihood ratio of the steps against no light, less its price */
-    /* Sums over the steps: of the signal with the light, and of the light squared. Their ratio is
-     * the steady gain.
-     */
-    double cross, energy;
-};
-
-/* Fit the gain of one marker to the steps from row to row, which a wandering level changes little.
- *
- * light: of the packet in each row
- */
-struct rl_gain_profile rl_gain_profile_fit(const float *signal, const uint8_t *valid,
-                                           const double *light, int rows, double gain[RL_KNOTS]);
-
 /* The gain in a row. */
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows);
 

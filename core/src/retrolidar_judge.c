@@ -102,11 +102,9 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .word_before = before != NULL ? before->word : 0.0,
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };
-    detector->window.reference = hits->reference;
     const struct rl_case given = judged;
     struct rl_verdict verdict = rl_decide(&judged);
-    if (beside == NULL && hits->reference == RL_NO_REFERENCE &&
-        verdict.evidence > detector->search.least &&
+    if (beside == NULL && verdict.evidence > detector->search.least &&
         (verdict.reason == RL_EVIDENCE || verdict.reason == RL_NOT_A_WORD ||
          verdict.reason == RL_MARGIN)) {
         judged = given;
@@ -165,7 +163,6 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
     add_beside(&interference, one);
     const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);
     hits->count = 0;
-    hits->reference = RL_NO_REFERENCE;
     if (rest > RL_ACTIVE) {
         rl_search_channels(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
                            2.0 * detector->max_llr_deficit, hits);
@@ -232,12 +229,11 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     detector->decisions_left--;
     struct rl_verdict other, verdict = decide(detector, pending->channel, pending->packets, hit,
                                               &pending->hits, NULL, to_s);
-    const bool may_hide =
-        pending->since_s < begin_s && pending->hits.reference == RL_NO_REFERENCE &&
-        detector->samples.channel[pending->channel].zones == 1 &&
-        verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-        verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
-    if (verdict.reason == RL_READ && pending->hits.reference == RL_NO_REFERENCE) {
+    const bool may_hide = pending->since_s < begin_s &&
+                          detector->samples.channel[pending->channel].zones == 1 &&
+                          verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
+                          verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
+    if (verdict.reason == RL_READ) {
         const double margin = rl_pair_margin_beside_known(detector, &verdict, to_s);
         verdict.margin = fmin(verdict.margin, margin);
         if (verdict.margin < detector->settings.thresholds.margin) {

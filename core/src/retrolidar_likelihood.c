@@ -37,8 +37,11 @@ static void find_null(struct rl_whitened *whitened)
     double ignored;
     whitened->null = -INFINITY;
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        whitened->null = fmax(whitened->null,
-                              log_likelihood(whitened, walk, whitened->squares[walk], 0, &ignored));
+        const double one = log_likelihood(whitened, walk, whitened->squares[walk], 0, &ignored);
+        if (one > whitened->null) {
+            whitened->null = one;
+            whitened->null_walk = walk;
+        }
     }
 }
 
@@ -295,6 +298,21 @@ struct rl_gain rl_fit_knots(const struct rl_whitened *whitened, const double *li
         }
     }
     return best;
+}
+
+void rl_unwhiten(const struct rl_whitened *whitened, float *signal)
+{
+    const int walk = whitened->null_walk;
+    double level = 0.0;
+    if (whitened->samples == 0) {
+        return;
+    }
+    const double first = (double)signal[whitened->row[0]];
+    for (int sample = 1; sample < whitened->samples; sample++) {
+        const double innovation = whitened->signal[sample][walk] / whitened->scale[sample][walk];
+        signal[whitened->row[sample]] = (float)(first + level + innovation);
+        level += whitened->gain[sample][walk] * innovation;
+    }
 }
 
 double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit)

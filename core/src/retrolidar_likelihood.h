@@ -18,7 +18,7 @@
 #include <stdbool.h>
 
 enum {
-    /* Templates fitted along with the one that is tried: knots of a reference, or packets. */
+    /* Templates of packets that are fitted along with the one that is tried. */
     RL_MAX_INTERFERERS = 2 * RL_PARTS,
     RL_WALKS = 9,       /* values of q that are tried */
     RL_WALK_LANES = 10, /* the same, rounded up to an even number */
@@ -41,6 +41,7 @@ struct rl_whitened {
     double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
     double least;                     /* least variance of noise that a fit may claim */
     double null;                      /* log likelihood without a packet, the best of all q */
+    int null_walk;                    /* which q that is */
     double explained;                 /* the part of it that interferers explain */
 };
 
@@ -87,5 +88,8 @@ double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_ga
  * that of any other, and the null hypothesis has it, too. There must be room.
  */
 void rl_add_interferer(struct rl_whitened *whitened, const double *light);
+
+/* Subtract what interferers explain from the signal of the valid rows, by whitening it back. */
+void rl_unwhiten(const struct rl_whitened *whitened, float *signal);
 
 #endif

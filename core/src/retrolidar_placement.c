@@ -135,10 +135,10 @@ static bool is_near(const struct rl_samples *samples, const struct rl_reading *r
     return rl_zone_beside(zone, reading->zone[0], samples->sensor.columns);
 }
 
-/* List the zones that saw the packet, sorted by their gain less three deviations, and less what may
- * be of another marker that is not known yet.
+/* List the zones that surely saw the packet, sorted by their gain: it is more than three deviations
+ * and what may be of another marker that is not known yet. Return whether there is any.
  */
-static void choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
+static bool choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
                          const struct amplitude *amplitude, struct rl_placement *placement)
 {
     double certain[RL_MAX_ZONES], most = 0.0;
@@ -152,14 +152,32 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     for (int zone = 0; zone < samples->zones; zone++) {
         const bool has_part = certain[zone] > 0.0 && amplitude->of[zone] >= RL_MIN_PART * most;
         if (has_part || zone == reading->zone[0]) {
-            rl_add_zone(placement->zone, &placement->zones, RL_MAX_READ, zone, certain);
+            rl_add_zone(placement->zone, &placement->zones, RL_MAX_READ, zone,
+                        amplitude->of);
         }
     }
+    return most > 0.0;
+}
+
+/* Variance of all distances that a zone measured. */
+static double spread_of(const struct rl_seen *seen)
+{
+    double count = 0.0, sum = 0.0, squares = 0.0;
+    for (int row = 0; row < seen->rows; row++) {
+        const double distance = (double)seen->distance[row];
+        if (isfinite(distance)) {
+            count += 1.0;
+            sum += distance;
+            squares += distance * distance;
+        }
+    }
+    return fmax(squares - sum * sum / count, 0.0) / count;
 }
 
 /* The mean of the ranges of the zones, weighted by one over the variance. */
 static bool find_range(struct rl_detector *detector, const struct rl_reading *reading,
-                       struct rl_seen *seen, int first, struct rl_placement *placement)
+                       struct rl_seen *seen, int first, bool is_certain,
+                       struct rl_placement *placement)
 {
     const double *z_per_range = seen->sensor->z_per_range;
     double precision = 0.0, range_m = 0.0, squares = 0.0, time_s = 0.0, common = 0.0;
@@ -173,6 +191,7 @@ static bool find_range(struct rl_detector *detector, const struct rl_reading *re
         lay_others(detector, &reading->verdict, zone, seen);
         if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
             /* The sensor projects by the factor of the zone, not of the target. */
+            ranged.variance += is_certain ? 0.0 : spread_of(seen);
             const double square = z_per_range[zone] * z_per_range[zone];
             const double weight = square / ranged.variance;
             precision += weight;
@@ -271,8 +290,8 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
         lay_others(detector, verdict, zone, &seen);
         fit_amplitude(samples, &seen, zone, &amplitude);
     }
-    choose_zones(samples, reading, &amplitude, placement);
-    if (!find_range(detector, reading, &seen, first, placement)) {
+    const bool is_certain = choose_zones(samples, reading, &amplitude, placement);
+    if (!find_range(detector, reading, &seen, first, is_certain, placement)) {
         return false;
     }
     const int strongest = placement->zone[0];

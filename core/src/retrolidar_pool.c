@@ -178,7 +178,6 @@ uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
 /* Energy of a packet in a zone, fitted along with the interference; 0 without evidence. */
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
-    window->reference = RL_NO_REFERENCE;
     rl_window_open(window, zone, false, verdict->begin_s, verdict->end_s);
     const double price = rl_window_follow_gain(window, &verdict->transmission);
     const double likelihood = rl_window_try(window, &verdict->transmission);

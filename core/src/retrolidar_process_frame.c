@@ -14,9 +14,8 @@ enum {
 };
 static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
-/* Search channels; reference: zone whose light was subtracted from them, or RL_NO_REFERENCE. */
-static void search_less(struct rl_detector *detector, int reference, const int *channels,
-                        int count, int packets, double from_s, double to_s, double since_s)
+static void search(struct rl_detector *detector, const int *channels, int count, int packets,
+                   double from_s, double to_s, double since_s)
 {
     struct rl_hits *hits = detector->hits;
     if (count == 0) {
@@ -25,18 +24,11 @@ static void search_less(struct rl_detector *detector, int reference, const int *
     rl_search_channels(&detector->search, channels, count, packets, from_s, to_s, since_s,
                        detector->max_llr_deficit, hits);
     for (int i = 0; i < count; i++) {
-        hits[i].reference = reference;
         if (hits[i].count > 0 && detector->pendings < RL_MAX_PENDING) {
             detector->pending[detector->pendings++] =
                 (struct rl_pending){channels[i], packets > 0 ? packets : 1, since_s, hits[i]};
         }
     }
-}
-
-static void search(struct rl_detector *detector, const int *channels, int count, int packets,
-                   double from_s, double to_s, double since_s)
-{
-    search_less(detector, RL_NO_REFERENCE, channels, count, packets, from_s, to_s, since_s);
 }
 
 /* List the channels without a reading in the last `bits`; active: only those that vary. */
@@ -145,36 +137,6 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
     detector->read_from_s = INFINITY;
 }
 
-/* Subtract the light of a zone beside from strong zones, and search them if that explains most of
- * their variance.
- */
-static void search_beside(struct rl_detector *detector, double to_s)
-{
-    const struct rl_samples *samples = &detector->samples;
-    const double since_s = to_s - RL_SEARCH_BITS * detector->settings.bit_s;
-    for (int reference = 0; reference < samples->zones; reference++) {
-        int zones[RL_MAX_ZONES], count = 0;
-        for (int zone = 0; zone < samples->zones; zone++) {
-            const double whole = rl_noise_variation(samples, zone);
-            if (zone == reference || whole < RL_STRONG ||
-                rl_noise_variation(samples, reference) < RL_STRONG ||
-                !rl_zone_beside(zone, reference, samples->sensor.columns)) {
-                continue;
-            }
-            const double rest = rl_residual_cancel(&detector->residual, zone, reference, since_s);
-            if (rest > RL_ACTIVE && rest < RL_MOST * whole) {
-                zones[count++] = zone;
-            } else {
-                rl_residual_restore(&detector->residual, zone);
-            }
-        }
-        search_less(detector, reference, zones, count, 1, to_s, to_s, -INFINITY);
-        for (int i = 0; i < count; i++) {
-            rl_residual_restore(&detector->residual, zones[i]);
-        }
-    }
-}
-
 /* Judge the next packet of each active track, without a search. */
 static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 {
@@ -193,7 +155,7 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
             .channel = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
-            .hits = {.reference = RL_NO_REFERENCE, .count = 1, .hit = {{0.0f, track->id, next}}}};
+            .hits = {.count = 1, .hit = {{0.0f, track->id, next}}}};
         rl_judge(detector, &pending, to_s);
     }
 }
@@ -286,7 +248,6 @@ void rl_process_frame(struct rl_detector *detector)
     }
     if (is_new_slot) {
         search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);
-        search_beside(detector, to_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;

@@ -153,7 +153,13 @@ static double margin_of_part(const struct rl_case *judged, int split, bool later
     if (part.own < judged->own - RL_MAX_MARGIN) {
         return RL_MAX_MARGIN;
     }
-    rl_bits_flip(&part, split, later);
+    for (int bit = 0; bit < part.bits.count; bit++) {
+        const double middle_s =
+            part.bits.begin_s + (bit + 0.5) * judged->verdict.transmission.bit_s;
+        if ((middle_s < window->begin_s[split]) == later) {
+            part.bits.flipped[bit] = 0.0f;
+        }
+    }
     const struct rivals rivals = find_rivals(&part);
     double nearest = judged->own - RL_MAX_MARGIN;
     for (int i = 0; i < rivals.count; i++) {

@@ -41,7 +41,6 @@ struct rl_slot {
 
 /* The best hit of each ID, and the best sequence of bits of each clock. */
 struct rl_hits {
-    int reference; /* zone whose light was subtracted, or RL_NO_REFERENCE */
     int count, sequences;
     struct rl_hit hit[RL_HITS];
     struct rl_transmission sequence[RL_TRIED]; /* of any bits, a word or not */

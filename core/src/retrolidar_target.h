@@ -32,17 +32,4 @@ void rl_room_start(struct rl_room *room, int rows, struct rl_memory *memory);
 struct rl_column rl_target_column(const struct rl_samples *samples, int channel, int first,
                                   int rows, bool is_dimmer, struct rl_room *room);
 
-/* Adaptive noise cancelling (Widrow et al. 1975): a zone beside sees more of what interferes. Its
- * signal is the reference, so neither ID nor clock of the interference need be known.
- */
-enum { RL_NO_REFERENCE = -1 };
-
-/* The signal of a zone in some rows, less the least of them. */
-void rl_reference_light(const struct rl_samples *samples, int zone, int first, int rows,
-                        double *light);
-
-/* Erase the samples of a column where the reference has an erasure. */
-void rl_reference_erase(const struct rl_samples *samples, int zone, int first, int rows,
-                        struct rl_room *room, struct rl_column *column);
-
 #endif

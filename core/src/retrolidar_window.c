@@ -14,7 +14,6 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
 {
     memset(window, 0, sizeof *window);
     window->samples = samples;
-    window->reference = RL_NO_REFERENCE;
     rl_whitened_start(&window->whitened, samples->kept, memory);
     window->light = rl_take(memory, samples->kept, sizeof(double));
     window->part = rl_take(memory, samples->kept, sizeof(double));
@@ -59,7 +58,6 @@ void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, doubl
     for (int i = 1; window->by_zone && i < sum->zones; i++) {
         struct rl_window *other = &window->other[window->others++];
         other->interference = window->interference;
-        other->beside = window->beside;
         open_channel(other, sum->zone[i], false, from_s, to_s);
     }
 }

@@ -21,17 +21,12 @@ struct rl_window {
     struct rl_column column;             /* samples of that target ... */
     struct rl_whitened whitened;         /* ... and whitened */
     struct rl_gain fit;                  /* of the template that was tried last */
-    struct rl_interference interference; /* trains in the windows that are opened next ... */
-    int reference;                       /* ... and a zone that interferes, or RL_NO_REFERENCE */
+    struct rl_interference interference; /* trains in the windows that are opened next */
     double min_bit_s, max_bit_s;         /* limits of a refinement */
     double *light;                       /* of the template that was tried last */
     double *part;                        /* of the light of an interferer */
     double *on_knot;                     /* light of a knot of its gain */
     bool gain_changes;                   /* whether gains may change */
-    /* A packet that interferers are chosen beside, or NULL: without it, what is not explained yet
-     * may hide them.
-     */
-    const struct rl_transmission *beside;
     struct rl_room room;
     const struct rl_window *strongest; /* in which the light explains most: that of the fit */
     bool by_zone; /* whether each zone of a sum has gain, interferers and noise of its own */

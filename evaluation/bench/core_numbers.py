@@ -15,7 +15,6 @@ NUMBERS = {
     ),
     'decide.c': ('MIN_ALONE',),
     'detector_state.h': ('RL_ACTIVE',),
-    'gain_profile.c': ('STIFFNESS',),
     'likelihood.c': ('Q_OVER_R',),
     'pool.c': ('MAX_MISSED',),
     'ranging.c': ('IN_ZONE', 'BRIGHTEST'),

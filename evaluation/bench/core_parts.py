@@ -13,21 +13,15 @@ PARTS = {
     'earlier packets fitted along': Part('interferers', 'i < interference->count;', 'i < 0;'),
     'earlier packets: as they continue': Part(
         'interferers',
-        'one->form == CONTINUES || one->continues,',
-        'false && one->continues,',
+        'form == CONTINUES || marker->continues,',
+        'false && marker->continues,',
     ),
-    'earlier packets: gains that rise or bend': Part(
-        'interferers', '(form > CONTINUES && !is_seen[i])', '(form > CONTINUES && form < CHANGES)'
+    'earlier packets: with most of their gain, if they continue': Part(
+        'interferers', 'is_other ||', 'false ||'
     ),
     'earlier packets: gains that change': Part('interferers', 'form < FORMS;', 'form < CHANGES;'),
-    'earlier packets: gains of either sign': Part('interferers', 'part, true)', 'part, false)'),
+    'earlier packets: gains of either sign': Part('interferers', 'light, true)', 'light, false)'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
-    'earlier packets: chosen beside the packet': Part(
-        'decide', 'if (verdict.reason == RL_EVIDENCE &&', 'if (false &&'
-    ),
-    'earlier packets: beside the packet, little left': Part(
-        'decide', 'MAX_EXCESS = 20.0', 'MAX_EXCESS = INFINITY'
-    ),
     'earlier packets: whole ones': Part(
         'template', 'packet_s * ceil(after - WHOLE)', 'packet_s * after'
     ),
@@ -61,12 +55,6 @@ PARTS = {
     ),
     'residual searched again: zones beside, too': Part(
         'pool', 'read_anew |= track->near', 'read_anew |= track->zones'
-    ),
-    'search of the residual: markers that explain little': Part(
-        'gain_profile', '2.0 * RL_COST_OF_CHANCE + (changes', '(changes'
-    ),
-    'a zone beside as a reference': _call(
-        'process_frame', '        search_beside(detector, to_s);'
     ),
     'pairs of packets': Part(
         'judge', 'may_hide && judge_pair(', 'may_hide && false && judge_pair('
@@ -204,10 +192,10 @@ PARTS = {
     'zones: those near the reading only': Part(
         'placement', 'is_near(samples, reading, zone) ?', 'true ?'
     ),
-    'zones: by light that is certain': Part(
-        'placement', 'RL_MAX_READ, zone, certain', 'RL_MAX_READ, zone, amplitude->of'
-    ),
     'zones: light that is not known': Part('placement', 'ALIKE * amplitude->unknown[zone]', '0.0'),
+    'range: unsure where no zone surely sees the packet': Part(
+        'placement', 'is_certain ? 0.0', 'true ? 0.0'
+    ),
     'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
     'range: other markers fitted along': Part(
         'placement', 'seen->others < RL_MAX_OTHERS;', 'seen->others < 0;'

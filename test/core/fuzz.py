@@ -180,14 +180,11 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
         (samples, {'distance': capacity * samples.zones}),
         (view, dict.fromkeys(('light', 'total', 'power', 'valid'), lanes)),
         (view, {'begin': kept + 1, 'rate': kept + 1, 'pivot': (kept + 1) * len(view.room)}),
-        *(
-            (room, {'signal': kept, 'valid': kept})
-            for room in [*view.room, window.room, residual.room]
-        ),
+        *((room, {'signal': kept, 'valid': kept}) for room in [*view.room, window.room]),
         (whitened, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept)),
         (whitened.interferer, dict.fromkeys(range(len(whitened.interferer)), kept)),
         (window, dict.fromkeys(('light', 'part', 'on_knot'), kept)),
-        (residual, {'light': kept, 'part': kept, 'saved': kept * samples.channels}),
+        (residual, {'saved': kept * samples.channels}),
         (detector, {'values': kept, 'role': kept, 'other': lib.RL_MAX_OTHERS * kept}),
     ):
         for name, length in lengths.items():

@@ -24,8 +24,6 @@ from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PREAMBLE, pack
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
 
-KNOTS = 7
-
 
 @pytest.mark.parametrize('grid', GRIDS.values(), ids=lambda grid: f'{grid.zones} zones')
 def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: ZoneGrid) -> None:
@@ -40,27 +38,25 @@ def test_the_arrays_of_a_search_lie_within_its_memory(core: Statistics, grid: Zo
     assert core.ffi.cast('char *', end) - block <= memory.taken == asked
 
 
-@pytest.mark.parametrize('sway', [0.0, 0.5, 0.9])
-def test_a_gain_that_changes_is_followed(core: Statistics, sway: float) -> None:
+@pytest.mark.parametrize('sway', [0.0, 0.4])
+@pytest.mark.parametrize('lasting_s', [1.5, 9.0], ids=['stopped', 'continues'])
+def test_what_interferes_is_subtracted(core: Statistics, sway: float, lasting_s: float) -> None:
     rng = np.random.default_rng(40)
-    middle_s = PERIOD_S * (np.arange(70) + 0.5)
-    own, other = (
-        light_at(middle_s, sent(number, start_s, repeats=True))
-        for number, start_s in ((2073, -0.3), (1234, 0.2))
-    )
-    gain = 100 * (1 + sway * np.sin(5 * middle_s))
-    signal = (20 + gain * own + 3 * rng.standard_normal(70)).astype(np.float32)
-    valid = rng.random(70) > 0.1
-    gains = core.array(np.zeros(KNOTS))
-    seen = (core.array(signal, 'float'), core.array(valid, 'uint8_t'))
-    fit = core.lib.rl_gain_profile_fit(*seen, core.array(own), 70, gains)
-    followed = np.interp(np.linspace(0, KNOTS - 1, 70), np.arange(KNOTS), list(gains))
-    assert followed == pytest.approx(gain, abs=20)
-    # What is left of the steps is noise alone, twice as much of which is in each.
-    steps = np.diff(signal.astype(np.float64)[valid])
-    assert 15 < fit.nats < steps @ steps / (4 * 9.0)
-    assert (np.ptp(list(gains)) > 0) == (sway > 0)
-    assert core.lib.rl_gain_profile_fit(*seen, core.array(other), 70, gains).nats < 0
+    time_s = PERIOD_S * np.arange(120)
+    read, third = sent(2073, -0.3, repeats=True), sent(1234, 0.2, repeats=True)
+    lit = np.where(time_s < lasting_s, light_at(time_s, read), 1.0)
+    noise, left = 3 * rng.standard_normal(120), 40 * light_at(time_s, third)
+    signals = np.full((120, GRID.zones), 5.0)
+    signals[:, 0] = 20 + 100 * (1 + sway * np.sin(2 * time_s)) * lit + left + noise
+    core.take(recording_of(time_s, signals), LAW, BIT_PERIOD_S)
+    core.window.interference = {
+        'count': 1,
+        'train': [{'transmission': core.given(read)[0], 'begin_s': -1.0, 'end_s': 1.5}],
+    }
+    _, rows = core.open(0.0, 3.0, 0)
+    rest = core.array(core.rows(0).signal[rows], 'float')
+    core.lib.rl_unwhiten(core.ffi.addressof(core.window, 'whitened'), rest)
+    assert np.std(np.diff(list(rest)) - np.diff(left)) < 0.3 * np.std(np.diff(100 * lit))
 
 
 def column_of(

@@ -201,16 +201,6 @@ def test_a_packet_that_a_marker_in_the_next_zone_hid_is_found_once_that_is_known
     assert times_found(2073, mean + np.outer(34.0 * hidden, SPREAD[6]), 10) >= 4
 
 
-def test_a_packet_is_read_in_the_light_of_another_code_that_the_next_zone_sees_better() -> None:
-    bits = np.random.default_rng(3).integers(0, 2, PACKET_BITS).astype(float)
-    foreign = sent(1234, 0.3, repeats=True, bit_s=1.37 * BIT_PERIOD_S)._replace(bits=bits)
-    sways = 1 + 0.5 * np.sin(2 * np.pi * MIDDLE_S / 2.1)
-    other = sways * light_at(MIDDLE_S, foreign)
-    mean = 10.0 + np.outer(other, 600.0 * SPREAD[5] + 240.0 * SPREAD[6])
-    own = np.outer(shown(2073), 60.0 * SPREAD[6] + 6.0 * SPREAD[5])
-    assert times_found(2073, mean + own, 8) >= 6
-
-
 @pytest.mark.parametrize(
     ('pair', 'alike', 'repeats', 'ratio', 'least'),
     [
