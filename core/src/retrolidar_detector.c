@@ -61,7 +61,7 @@ struct rl_detector *rl_detector_create(const struct rl_settings *settings, const
     memory.taken = 0;
     start(detector, &memory);
     detector->memory = memory.block;
-    detector->search.least = RL_MOST * settings->thresholds.evidence;
+    detector->min_nats = RL_MOST * settings->thresholds.evidence;
     /* On coarse templates others may be better by some more. */
     detector->max_llr_deficit = RL_COST_OF_CHANCE + settings->thresholds.word;
     rl_codebook_start(&detector->search.codebook, ids, count);

@@ -64,7 +64,8 @@ struct rl_detector {
     struct rl_counts counts;
     int64_t last_ns;
     double searched_s; /* end of the newest frame that was searched */
-    double max_llr_deficit; /* nats by which any bits may be better than a hit */
+    /* Nats that a hit must have, and by which any bits may be better than a hit. */
+    double min_nats, max_llr_deficit;
     double consumed_until_s[RL_MAX_CHANNELS]; /* end of the last packet read in each */
     uint64_t read_anew; /* zones, and those beside them, that saw packets read since the last search
                          * of the residual ... */

@@ -22,10 +22,12 @@ static void judge_any(struct rl_detector *detector, int zone,
                          &interference);
     rl_residual_subtract(&detector->residual, zone, &interference,
                          expected->begin_s - RL_SILENT_BITS * bit_s);
-    detector->search.least -= RL_COST_OF_CHANCE;
-    rl_search_channels(&detector->search, &zone, 1, 0, end_s - phase_s, fmin(end_s + phase_s, to_s),
-                       -INFINITY, detector->max_llr_deficit, &pending.hits);
-    detector->search.least += RL_COST_OF_CHANCE;
+    const struct rl_sought sought = {.from_s = end_s - phase_s,
+                                     .to_s = fmin(end_s + phase_s, to_s),
+                                     .since_s = -INFINITY,
+                                     .least = detector->min_nats - RL_COST_OF_CHANCE,
+                                     .max_llr_deficit = detector->max_llr_deficit};
+    rl_search_channels(&detector->search, &sought, &zone, 1, &pending.hits);
     rl_residual_restore(&detector->residual, zone);
     for (int i = 0; i < pending.hits.count; i++) {
         struct rl_transmission *found = &pending.hits.hit[i].transmission;

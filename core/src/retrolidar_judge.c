@@ -104,7 +104,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
     };
     const struct rl_case given = judged;
     struct rl_verdict verdict = rl_decide(&judged);
-    if (beside == NULL && verdict.evidence > detector->search.least &&
+    if (beside == NULL && verdict.evidence > detector->min_nats &&
         (verdict.reason == RL_EVIDENCE || verdict.reason == RL_NOT_A_WORD ||
          verdict.reason == RL_MARGIN)) {
         judged = given;
@@ -164,8 +164,13 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
     const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);
     hits->count = 0;
     if (rest > RL_ACTIVE) {
-        rl_search_channels(&detector->search, &channel, 1, packets, to_s, to_s, -INFINITY,
-                           2.0 * detector->max_llr_deficit, hits);
+        const struct rl_sought sought = {.packets = packets,
+                                         .from_s = to_s,
+                                         .to_s = to_s,
+                                         .since_s = -INFINITY,
+                                         .least = detector->min_nats,
+                                         .max_llr_deficit = 2.0 * detector->max_llr_deficit};
+        rl_search_channels(&detector->search, &sought, &channel, 1, hits);
     }
     rl_residual_restore(&detector->residual, channel);
 }
@@ -187,7 +192,7 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
         }
         detector->decisions_left -= 3;
         *other = decide(detector, channel, packets, hit, hits, one, to_s);
-        if (other->evidence < detector->search.least || other->reason == RL_INCOMPLETE ||
+        if (other->evidence < detector->min_nats || other->reason == RL_INCOMPLETE ||
             rl_is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
@@ -232,7 +237,7 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     const bool may_hide = pending->since_s < begin_s &&
                           detector->samples.channel[pending->channel].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
-                          verdict.reason != RL_MARGIN && verdict.evidence > detector->search.least;
+                          verdict.reason != RL_MARGIN && verdict.evidence > detector->min_nats;
     if (verdict.reason == RL_READ) {
         const double margin = rl_pair_margin_beside_known(detector, &verdict, to_s);
         verdict.margin = fmin(verdict.margin, margin);

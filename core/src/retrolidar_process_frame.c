@@ -21,8 +21,9 @@ static void search(struct rl_detector *detector, const int *channels, int count,
     if (count == 0) {
         return;
     }
-    rl_search_channels(&detector->search, channels, count, packets, from_s, to_s, since_s,
-                       detector->max_llr_deficit, hits);
+    const struct rl_sought sought = {packets, from_s, to_s, since_s, detector->min_nats,
+                                     detector->max_llr_deficit};
+    rl_search_channels(&detector->search, &sought, channels, count, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0 && detector->pendings < RL_MAX_PENDING) {
             detector->pending[detector->pendings++] =

@@ -174,14 +174,15 @@ static void search_stretches(struct rl_search *search, int count, int packets, d
     }
 }
 
-void rl_search_channels(struct rl_search *search, const int *channels, int count, int packets,
-                        double from_s, double to_s, double since_s, double max_llr_deficit,
-                        struct rl_hits *hits)
+void rl_search_channels(struct rl_search *search, const struct rl_sought *sought,
+                        const int *channels, int count, struct rl_hits *hits)
 {
+    const int packets = sought->packets;
     const double longest_bits =
         RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + RL_MAX_SKEW);
     const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + RL_PACKET_BITS + 1.0;
-    const double first_s = (packets > 0 ? to_s : from_s) - bits * search->samples->bit_s;
+    const double first_s =
+        (packets > 0 ? sought->to_s : sought->from_s) - bits * search->samples->bit_s;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
@@ -197,14 +198,15 @@ void rl_search_channels(struct rl_search *search, const int *channels, int count
         if (lanes == 0) {
             continue;
         }
-        const double least = strong ? STRONG_SHARE * search->least : search->least;
-        const struct rl_criteria criteria = {(float)least, (float)max_llr_deficit, packets > 0,
-                                         whitening->energy, &whitening->smooth};
-        rl_view_open(&search->view, chosen, lanes, fmax(first_s, since_s), to_s, whitening->walk);
+        const double least = strong ? STRONG_SHARE * sought->least : sought->least;
+        const struct rl_criteria criteria = {(float)least, (float)sought->max_llr_deficit,
+                                             packets > 0, whitening->energy, &whitening->smooth};
+        rl_view_open(&search->view, chosen, lanes, fmax(first_s, sought->since_s), sought->to_s,
+                     whitening->walk);
         if (packets > 0) {
-            search_stretches(search, lanes, packets, to_s, &criteria);
+            search_stretches(search, lanes, packets, sought->to_s, &criteria);
         } else {
-            search_ended(search, lanes, from_s, to_s, &criteria);
+            search_ended(search, lanes, sought->from_s, sought->to_s, &criteria);
         }
         const int dropped = rl_shortlists_ration(search->shortlist, lanes, &search->words_left);
         search->dropped = search->dropped || dropped > 0;

@@ -98,7 +98,6 @@ struct rl_search {
     struct rl_codebook codebook;
     struct rl_whitening whitening[3]; /* for faint and strong channels, and faint lone packets */
     double frames_a_bit;              /* for which the whitening was planned */
-    double least;                     /* nats that a hit must have */
     struct rl_view view;
     struct rl_sums sums;
     struct rl_shortlist shortlist[RL_MAX_CHANNELS];
@@ -109,15 +108,20 @@ struct rl_search {
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
                      struct rl_memory *memory);
 
-/* Find packets in some channels.
- *
- * packets: 0 = a packet that ended within (from_s, to_s], otherwise any stretch of so many packets
- *     that repeat, which ends at to_s
- * since_s: earlier samples are left out, as the marker was not there yet
- * max_llr_deficit: nats by which any sequence of bits may be better
- */
-void rl_search_channels(struct rl_search *search, const int *channels, int count, int packets,
-                        double from_s, double to_s, double since_s, double max_llr_deficit,
-                        struct rl_hits *hits);
+/* What is searched for. */
+struct rl_sought {
+    /* 0 = a packet that ended within (from_s, to_s], otherwise any stretch of so many packets that
+     * repeat, which ends at to_s.
+     */
+    int packets;
+    double from_s, to_s;
+    double since_s; /* earlier samples are left out, as the marker was not there yet */
+    double least;   /* nats that a hit must have */
+    double max_llr_deficit; /* nats by which any sequence of bits may be better */
+};
+
+/* Find packets in some channels. */
+void rl_search_channels(struct rl_search *search, const struct rl_sought *sought,
+                        const int *channels, int count, struct rl_hits *hits);
 
 #endif
