@@ -14,6 +14,11 @@ static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
+/* A packet that interferers are chosen beside leaves less variance, over that of noise: something
+ * else that is bright could take any shape.
+ */
+static const double MAX_EXCESS = 20.0;
+
 /* Whether a lone packet, ended or not, explains the window as well as one that repeats. */
 static bool may_be_lone(const struct rl_case *judged)
 {
@@ -231,7 +236,8 @@ static double margin_of(struct rl_case *judged)
     return margin - price_of_gains(judged);
 }
 
-struct rl_verdict rl_decide(struct rl_case *judged)
+/* Judge a packet beside the interferers that the window chooses. */
+static struct rl_verdict decide(struct rl_case *judged)
 {
     struct rl_verdict *verdict = &judged->verdict;
     verdict->reason = open(judged);
@@ -259,4 +265,23 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     verdict->word = fmax(verdict->word, other);
     verdict->reason = other > judged->thresholds->word ? RL_NOT_A_WORD : RL_READ;
     return *verdict;
+}
+
+struct rl_verdict rl_decide(struct rl_case *judged)
+{
+    struct rl_window *window = judged->window;
+    const struct rl_case given = *judged;
+    struct rl_verdict verdict = decide(judged);
+    if (verdict.reason == RL_EVIDENCE && window->interference.count > 0 &&
+        verdict.evidence > MIN_ALONE * judged->thresholds->evidence) {
+        window->beside = &verdict.transmission;
+        *judged = given;
+        const struct rl_verdict again = decide(judged);
+        window->beside = NULL;
+        if (again.reason == RL_READ &&
+            rl_excess_variance(&window->strongest->whitened, &again.fit) < MAX_EXCESS) {
+            verdict = again;
+        }
+    }
+    return verdict;
 }

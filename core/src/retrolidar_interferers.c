@@ -18,67 +18,123 @@ static const double MIN_NOISE = 0.5;
  */
 enum { AS_READ, CONTINUES, CHANGES, FORMS };
 
+struct interferer {
+    int marker, form;
+    bool continues;
+    double gain[RL_KNOTS]; /* of one that changes */
+};
+
 /* What is known of a marker. */
 struct marker {
     bool is_seen, continues;
     double gain; /* of what was read */
 };
 
-/* Make a form of a marker an interferer if it explains what it costs. */
-static void add_form(struct rl_window *window, int index, int form, struct marker *marker)
+/* Lay the light of an interferer into the window's. */
+static void lay(struct rl_window *window, const struct interferer *one)
+{
+    rl_interference_light(&window->interference, one->marker,
+                          one->form == CONTINUES || one->continues, window->begin_s, window->end_s,
+                          window->rows, window->part, window->light);
+    for (int row = 0; one->form == CHANGES && row < window->rows; row++) {
+        window->light[row] *= rl_gain_profile_at(one->gain, row, window->rows);
+    }
+}
+
+/* What an interferer must explain [nats]. */
+static double price_of(const struct interferer *one)
+{
+    return one->form == CHANGES ? rl_price_of_profile() : RL_COST_OF_GAIN;
+}
+
+/* Make a form of a marker an interferer if it explains what it costs; return whether it does. */
+static bool add_form(struct rl_window *window, struct interferer *one, struct marker *marker)
 {
     struct rl_whitened *whitened = &window->whitened;
-    double price = RL_COST_OF_GAIN;
-    rl_interference_light(&window->interference, index, form == CONTINUES || marker->continues,
-                          window->begin_s, window->end_s, window->rows, window->part,
-                          window->light);
-    if (form == CHANGES) {
-        double gain[RL_KNOTS];
-        rl_fit_knots(whitened, window->light, window->rows, true, window->on_knot, gain);
-        for (int row = 0; row < window->rows; row++) {
-            window->light[row] *= rl_gain_profile_at(gain, row, window->rows);
-        }
-        price = rl_price_of_profile();
+    if (one->form == CHANGES) {
+        const struct interferer steady = {one->marker, AS_READ, one->continues, {0.0}};
+        lay(window, &steady);
+        rl_fit_knots(whitened, window->light, window->rows, true, window->on_knot, one->gain);
     }
+    lay(window, one);
     const struct rl_gain fit = rl_fit_gain(whitened, window->light, true);
     /* Seldom, a zone sees less while its neighbour sees more, by what the sensor does against stray
      * light.
      */
-    price += form < CHANGES && fit.gain < 0.0 ? RL_COST_OF_CHANCE : 0.0;
+    const bool is_negative = one->form < CHANGES && fit.gain < 0.0;
+    const double price = price_of(one) + (is_negative ? RL_COST_OF_CHANCE : 0.0);
     /* Another packet would explain about half of one that continues, as all begin alike. */
-    const bool is_other = form == CONTINUES && fabs(fit.gain) < RL_MOST * fabs(marker->gain);
+    const bool is_other = one->form == CONTINUES && fabs(fit.gain) < RL_MOST * fabs(marker->gain);
     if (is_other || fit.log_likelihood <= whitened->null + price) {
-        return;
+        return false;
     }
     rl_add_interferer(whitened, window->light);
-    marker->gain = form == AS_READ ? fit.gain : marker->gain;
-    marker->continues = marker->continues || form == CONTINUES;
+    marker->gain = one->form == AS_READ ? fit.gain : marker->gain;
+    marker->continues = marker->continues || one->form == CONTINUES;
     marker->is_seen = true;
+    return true;
 }
 
-/* Make all markers that are seen interferers. */
-static void add_interference(struct rl_window *window)
+/* Make all markers that are seen interferers; list these, and return how many they are. */
+static int add_interference(struct rl_window *window, struct interferer *added)
 {
     const struct rl_interference *interference = &window->interference;
     struct marker marker[RL_MAX_TRAINS] = {{false, false, 0.0}};
+    int count = 0;
     for (int form = 0; form < FORMS; form++) {
         for (int i = 0; i < interference->count; i++) {
             if (interference->marker[i] == i && (form < CHANGES || marker[i].is_seen) &&
                 window->whitened.interferers < RL_MAX_INTERFERERS) {
-                add_form(window, i, form, &marker[i]);
+                added[count] = (struct interferer){i, form, marker[i].continues, {0.0}};
+                count += add_form(window, &added[count], &marker[i]);
             }
         }
     }
+    return count;
 }
 
-void rl_window_whiten(struct rl_window *window)
+static void whiten_signal(struct rl_window *window)
 {
     const struct rl_samples *samples = window->samples;
-    window->column = rl_target_column(samples, window->channel, window->first, window->rows,
-                                      window->is_dimmer, &window->room);
     const double noise =
         rl_noise_variance(samples, window->channel, rl_mean(window->column.signal, window->rows));
     rl_whiten(&window->whitened, window->column.signal, window->column.valid, window->begin_s,
               window->end_s, window->rows, samples->period_s, MIN_NOISE * noise);
-    add_interference(window);
+}
+
+/* Make all markers that are seen beside a packet interferers. The null hypothesis may do without
+ * some of these if that is likelier.
+ */
+static void add_interference_beside(struct rl_window *window)
+{
+    struct rl_whitened *whitened = &window->whitened;
+    struct interferer added[RL_MAX_INTERFERERS];
+    int count = add_interference(window, added);
+    double null = whitened->null;
+    for (int i = 0; i < count; i++) {
+        null -= price_of(&added[i]);
+    }
+    whiten_signal(window);
+    rl_window_add(window, window->beside);
+    count = add_interference(window, added);
+    whiten_signal(window);
+    for (int i = 0; i < count; i++) {
+        lay(window, &added[i]);
+        rl_add_interferer(whitened, window->light);
+        null += price_of(&added[i]);
+    }
+    whitened->null = fmax(whitened->null, null);
+}
+
+void rl_window_whiten(struct rl_window *window)
+{
+    struct interferer added[RL_MAX_INTERFERERS];
+    window->column = rl_target_column(window->samples, window->channel, window->first,
+                                      window->rows, window->is_dimmer, &window->room);
+    whiten_signal(window);
+    if (window->beside != NULL && window->rows > 0) {
+        add_interference_beside(window);
+    } else {
+        add_interference(window, added);
+    }
 }

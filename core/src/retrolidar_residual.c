@@ -68,6 +68,7 @@ double rl_residual_subtract(struct rl_residual *residual, int zone,
     const int rows = save_since(residual, zone, from_s);
     float *signal = samples->signal + rl_sample(samples, zone, residual->first);
     window->interference = *interference;
+    window->beside = NULL;
     rl_window_open(window, zone, false, samples->begin_s[residual->first],
                    samples->end_s[samples->count - 1]);
     memmove(signal, window->column.signal, (size_t)rows * sizeof *signal);

@@ -58,6 +58,7 @@ void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, doubl
     for (int i = 1; window->by_zone && i < sum->zones; i++) {
         struct rl_window *other = &window->other[window->others++];
         other->interference = window->interference;
+        other->beside = window->beside;
         open_channel(other, sum->zone[i], false, from_s, to_s);
     }
 }

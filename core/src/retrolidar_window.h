@@ -27,6 +27,10 @@ struct rl_window {
     double *part;                        /* of the light of an interferer */
     double *on_knot;                     /* light of a knot of its gain */
     bool gain_changes;                   /* whether gains may change */
+    /* A packet that interferers are chosen beside, or NULL: without it, what is not explained yet
+     * may hide them.
+     */
+    const struct rl_transmission *beside;
     struct rl_room room;
     const struct rl_window *strongest; /* in which the light explains most: that of the fit */
     bool by_zone; /* whether each zone of a sum has gain, interferers and noise of its own */

@@ -13,8 +13,8 @@ PARTS = {
     'earlier packets fitted along': Part('interferers', 'i < interference->count;', 'i < 0;'),
     'earlier packets: as they continue': Part(
         'interferers',
-        'form == CONTINUES || marker->continues,',
-        'false && marker->continues,',
+        'one->form == CONTINUES || one->continues, window',
+        'false && one->continues, window',
     ),
     'earlier packets: with most of their gain, if they continue': Part(
         'interferers', 'is_other ||', 'false ||'
@@ -22,6 +22,12 @@ PARTS = {
     'earlier packets: gains that change': Part('interferers', 'form < FORMS;', 'form < CHANGES;'),
     'earlier packets: gains of either sign': Part('interferers', 'light, true)', 'light, false)'),
     'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
+    'earlier packets: chosen beside the packet': Part(
+        'decide', 'if (verdict.reason == RL_EVIDENCE &&', 'if (false &&'
+    ),
+    'earlier packets: beside the packet, little left': Part(
+        'decide', 'MAX_EXCESS = 20.0', 'MAX_EXCESS = INFINITY'
+    ),
     'earlier packets: whole ones': Part(
         'template', 'packet_s * ceil(after - WHOLE)', 'packet_s * after'
     ),
