@@ -207,7 +207,8 @@ static bool is_word(struct rl_case *judged)
 /* Additional margin in a sum of zones: more the more variance the packet leaves. */
 static double price_of_sum(const struct rl_case *judged)
 {
-    const double excess = rl_excess_variance(&judged->window->whitened, &judged->verdict.fit);
+    const struct rl_gain *fit = &judged->verdict.fit;
+    const double excess = rl_excess_variance(&judged->window->whitened, fit->variance, fit->walk);
     return is_in_sum(judged) && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
 }
 
@@ -279,7 +280,8 @@ struct rl_verdict rl_decide(struct rl_case *judged)
         const struct rl_verdict again = decide(judged);
         window->beside = NULL;
         if (again.reason == RL_READ &&
-            rl_excess_variance(&window->strongest->whitened, &again.fit) < MAX_EXCESS) {
+            rl_excess_variance(&window->strongest->whitened, again.fit.variance, again.fit.walk) <
+                MAX_EXCESS) {
             verdict = again;
         }
     }

@@ -4,7 +4,6 @@
 #include "retrolidar_gain_profile.h"
 
 #include <math.h>
-#include <string.h>
 
 /* Share of its energy that is added to each knot, as two may have the same light. */
 static const double RIDGE = 1e-6;

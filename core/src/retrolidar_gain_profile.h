@@ -10,7 +10,6 @@
 #include "retrolidar_constants.h"
 
 #include <stdbool.h>
-#include <stdint.h>
 
 /* A template of less energy is constant in the window. */
 static const double RL_NO_ENERGY = 1e-9;

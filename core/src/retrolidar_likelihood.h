@@ -1,49 +1,13 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Log likelihood of samples with a packet, and with noise and a wandering level only.
- *
- *     x_k = a + g T_k + l_k + n_k,   g > 0 with a packet, g = 0 without
- *
- * n is white, of variance s; l is a random walk of variance q s for each frame period; a is
- * unknown. This is the local level model (Harvey 1989; Durbin and Koopman 2012): for a given q, one
- * pass of a scalar Kalman filter whitens the samples, and the template by the same gains.
+/* Log likelihood of samples with a packet: its gain is fitted by least squares to whitened samples,
+ * along with the gains of the packets that interfere.
  */
 #ifndef RETROLIDAR_LIKELIHOOD_H
 #define RETROLIDAR_LIKELIHOOD_H
 
-#include "retrolidar_gain_profile.h"
-#include "retrolidar_math.h"
-
-#include <stdbool.h>
-
-enum {
-    /* Templates of packets that are fitted along with the one that is tried. */
-    RL_MAX_INTERFERERS = 2 * RL_PARTS,
-    RL_WALKS = 9,       /* values of q that are tried */
-    RL_WALK_LANES = 10, /* the same, rounded up to an even number */
-    RL_WANDERS = 3,     /* index of q from which on the level wanders */
-};
-
-/* Samples of a channel in a window, whitened for every q. */
-struct rl_whitened {
-    int samples;                     /* valid ones */
-    int *row;                        /* of each, in the window */
-    double (*gain)[RL_WALK_LANES];   /* of the filter, for each sample */
-    double (*scale)[RL_WALK_LANES];  /* 1 over the deviation of each innovation */
-    double (*signal)[RL_WALK_LANES]; /* whitened */
-    int interferers;
-    /* Templates of other packets, whitened and orthonormal; they are subtracted from the signal.
-     * The last ones are memory for the template that is tried, on each knot.
-     */
-    double (*interferer[RL_MAX_INTERFERERS + RL_KNOTS])[RL_WALK_LANES];
-    double squares[RL_WALK_LANES];
-    double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
-    double least;                     /* least variance of noise that a fit may claim */
-    double null;                      /* log likelihood without a packet, the best of all q */
-    int null_walk;                    /* which q that is */
-    double explained;                 /* the part of it that interferers explain */
-};
+#include "retrolidar_whitened.h"
 
 /* binding */
 /* A template that is fitted to samples. */
@@ -54,17 +18,6 @@ struct rl_gain {
     int walk;              /* which q that is */
 };
 /* end of binding */
-
-/* Take the arrays of a window of so many rows at the most. */
-void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory *memory);
-
-/* Whiten a window.
- *
- * signal, valid, begin_s, end_s: of each row
- * period_s: of the frames; least: variance of noise that there is at least
- */
-void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
-               const double *begin_s, const double *end_s, int rows, double period_s, double least);
 
 /* Fit a template, the light of each row of the window, together with the interferers.
  *
@@ -81,15 +34,9 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
 struct rl_gain rl_fit_knots(const struct rl_whitened *whitened, const double *light, int rows,
                             bool may_darken, double *part, double gains[RL_KNOTS]);
 
-/* Variance that a fit leaves, over the least: far above 1 if something else is there. */
-double rl_excess_variance(const struct rl_whitened *whitened, const struct rl_gain *fit);
-
 /* Make a template an interferer: from now on its gain, which may be negative, is fitted along with
  * that of any other, and the null hypothesis has it, too. There must be room.
  */
 void rl_add_interferer(struct rl_whitened *whitened, const double *light);
-
-/* Subtract what interferers explain from the signal of the valid rows, by whitening it back. */
-void rl_unwhiten(const struct rl_whitened *whitened, float *signal);
 
 #endif

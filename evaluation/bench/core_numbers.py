@@ -15,7 +15,7 @@ NUMBERS = {
     ),
     'decide.c': ('MIN_ALONE',),
     'detector_state.h': ('RL_ACTIVE',),
-    'likelihood.c': ('Q_OVER_R',),
+    'whitened.c': ('Q_OVER_R',),
     'pool.c': ('MAX_MISSED',),
     'ranging.c': ('IN_ZONE', 'BRIGHTEST'),
     'search.h': ('RL_STRONG',),

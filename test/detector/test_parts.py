@@ -44,9 +44,9 @@ def played(make: Callable[[np.random.Generator], Room], part: int, rooms: int) -
 )
 def test_two_in_a_zone_are_read(ratio: float, sendings: tuple[str, str], least: float) -> None:
     """By interferers, pairs and residuals; of ever other IDs by stretches and packets as one."""
-    read, wrong = played(lambda rng: room_families.pair(ratio, sendings, rng), 15, 4)
+    read, wrong = played(lambda rng: room_families.pair(ratio, sendings, rng), 16, 4)
     assert read >= least
-    assert wrong <= 1
+    assert wrong == 0
 
 
 def test_a_fainter_marker_in_the_same_zone_has_a_range_of_its_own() -> None:
@@ -182,7 +182,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (10777, 77, 26),
         (10958, 4, 64),
         (10958, 107, 34),
-        (10924, 172, 150),
+        (10979, 253, 14),
     ],
     ids=[
         'sums of residuals',
@@ -202,7 +202,7 @@ def test_packets_of_a_random_room_are_read(seed: int, number: int, min_read: int
     """By what each room is named for: without it, some are lost that are read with it."""
     scored = play(number, seed).scored
     assert sum(whole(scored)) >= min_read
-    assert len(scored.wrong) <= 1
+    assert scored.wrong == []
 
 
 def test_a_zone_without_a_marker_gives_no_range() -> None:

@@ -1,0 +1,76 @@
+/* Copyright 2026 retrolidar_ros contributors
+ * SPDX-License-Identifier: Apache-2.0
+ */
+/* Samples of a channel in a window, whitened.
+ *
+ *     x_k = a + g T_k + l_k + n_k,   g > 0 with a packet, g = 0 without
+ *
+ * n is white, of variance s; l is a random walk of variance q s for each frame period; a is
+ * unknown. This is the local level model (Harvey 1989; Durbin and Koopman 2012): for a given q, one
+ * pass of a scalar Kalman filter whitens the samples, and the template by the same gains.
+ */
+#ifndef RETROLIDAR_WHITENED_H
+#define RETROLIDAR_WHITENED_H
+
+#include "retrolidar_gain_profile.h"
+#include "retrolidar_math.h"
+
+#include <stdint.h>
+
+enum {
+    /* Templates of packets that are fitted along with the one that is tried. */
+    RL_MAX_INTERFERERS = 2 * RL_PARTS,
+    RL_WALKS = 9,       /* values of q that are tried */
+    RL_WALK_LANES = 10, /* the same, rounded up to an even number */
+    RL_WANDERS = 3,     /* index of q from which on the level wanders */
+};
+
+/* Samples of a channel in a window, whitened for every q. */
+struct rl_whitened {
+    int samples;                     /* valid ones */
+    int *row;                        /* of each, in the window */
+    double (*gain)[RL_WALK_LANES];   /* of the filter, for each sample */
+    double (*scale)[RL_WALK_LANES];  /* 1 over the deviation of each innovation */
+    double (*signal)[RL_WALK_LANES]; /* whitened */
+    int interferers;
+    /* Templates of other packets, whitened and orthonormal; they are subtracted from the signal.
+     * The last ones are memory for the template that is tried, on each knot.
+     */
+    double (*interferer[RL_MAX_INTERFERERS + RL_KNOTS])[RL_WALK_LANES];
+    double squares[RL_WALK_LANES];
+    double log_scales[RL_WALK_LANES]; /* sum of the logarithms of 1/deviation */
+    double least;                     /* least variance of noise that a fit may claim */
+    double null;                      /* log likelihood without a packet, the best of all q */
+    int null_walk;                    /* which q that is */
+    double explained;                 /* the part of it that interferers explain */
+};
+
+/* Take the arrays of a window of so many rows at the most. */
+void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory *memory);
+
+/* Whiten a window.
+ *
+ * signal, valid, begin_s, end_s: of each row
+ * period_s: of the frames; least: variance of noise that there is at least
+ */
+void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
+               const double *begin_s, const double *end_s, int rows, double period_s, double least);
+
+/* Subtract what interferers explain from the signal of the valid rows, by whitening it back. */
+void rl_unwhiten(const struct rl_whitened *whitened, float *signal);
+
+/* Log likelihood of the samples for one q, with the sum of squares that a fit leaves.
+ *
+ * parameters: that are fitted, besides the interferers
+ * variance: becomes the best s
+ */
+double rl_log_likelihood(const struct rl_whitened *whitened, int walk, double squares,
+                         int parameters, double *variance);
+
+/* Find the log likelihood without a packet. */
+void rl_find_null(struct rl_whitened *whitened);
+
+/* Variance s that a fit leaves at one q, over the least: far above 1 if something else is there. */
+double rl_excess_variance(const struct rl_whitened *whitened, double variance, int walk);
+
+#endif
