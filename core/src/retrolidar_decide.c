@@ -14,11 +14,6 @@ static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
-/* A packet that interferers are chosen beside leaves less variance, over that of noise: something
- * else that is bright could take any shape.
- */
-static const double MAX_EXCESS = 20.0;
-
 /* Whether a lone packet, ended or not, explains the window as well as one that repeats. */
 static bool may_be_lone(const struct rl_case *judged)
 {
@@ -60,18 +55,6 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }
 
-/* Additional evidence for a packet of few changes, as an object that moves may look like it. */
-static double cost_of_changes(uint32_t bits)
-{
-    int changes = 0;
-    for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
-        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
-    }
-    /* A step that comes by chance has a time and a height. */
-    const double cost = 2.0 * RL_COST_OF_CHANCE;
-    return changes < RL_USUAL_CHANGES ? cost * (RL_USUAL_CHANGES - changes) : 0.0;
-}
-
 /* Open the window. Return why the packet cannot be judged, RL_READ if it can. */
 static int open(struct rl_case *judged)
 {
@@ -105,8 +88,8 @@ static int open(struct rl_case *judged)
                                                                            : RL_READ;
 }
 
-/* The price of a start among all that are searched, which an expected packet has not. */
-static double price_of_start(const struct rl_case *judged)
+/* What an expected packet need not explain: a start among all that are searched. */
+static double saved_start(const struct rl_case *judged)
 {
     return judged->is_expected ? RL_COST_OF_CHANCE : 0.0;
 }
@@ -123,8 +106,7 @@ static bool is_evident(struct rl_case *judged)
     verdict->evidence = judged->own - judged->price - rl_window_null(window);
     verdict->fit = window->fit;
     return verdict->evidence >=
-           judged->thresholds->evidence - price_of_start(judged) +
-               cost_of_changes(verdict->transmission.bits) +
+           judged->thresholds->evidence - saved_start(judged) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
                (window->fit.walk >= RL_WANDERS ? judged->thresholds->wandering : 0.0) +
                LEFT_OVER * window->whitened.explained;
@@ -161,20 +143,26 @@ static double unknown_bits(const struct rl_bits *bits, int count)
     return unknown;
 }
 
-/* Whether a packet is judged in a sum of zones: several markers together may look like another one.
+/* Whether several markers may be seen: what they leave, or send together, may look like one packet.
  */
-static bool is_in_sum(const struct rl_case *judged)
+static bool is_among_others(const struct rl_case *judged)
 {
     const struct rl_window *window = judged->window;
-    return !window->by_zone && window->samples->channel[judged->verdict.channel].zones > 1;
+    return window->whitened.interferers > 0 ||
+           window->samples->channel[judged->verdict.channel].zones > 1;
+}
+
+/* The price of a start among others, for the margin; the word test asks half of it. */
+static double price_of_start(const struct rl_case *judged)
+{
+    return is_among_others(judged) && !judged->is_expected ? RL_COST_OF_CHANCE : 0.0;
 }
 
 /* The threshold of the word statistic. The statistic of the packet before counts, too: bits that
  * explain both packets a little better are what is sent. If enough bits are unknown, any sequence
  * looks like a word, so each lowers the threshold; by twice as much if the marker has just
  * appeared, as it is judged with each bit again. With few registered IDs, or if the packet was
- * expected, more bits may be unknown. Half of the preamble must be known. In a sum of zones, no
- * other bits may explain more than a second marker would by chance.
+ * expected, more bits may be unknown. Half of the preamble must be known.
  */
 static double max_word_of(const struct rl_case *judged)
 {
@@ -182,11 +170,9 @@ static double max_word_of(const struct rl_case *judged)
     const double preamble = unknown_bits(&judged->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&judged->bits, RL_PACKET_BITS) - spare;
     const double price = judged->is_new ? price_of_new_bit() : log(2.0);
-    const double max_word =
-        judged->thresholds->word - judged->word_before - price * fmax(unknown, 0.0);
-    return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY
-           : is_in_sum(judged)               ? fmin(max_word, RL_COST_OF_GAIN)
-                                             : max_word;
+    const double max_word = judged->thresholds->word + saved_start(judged) -
+                            0.5 * price_of_start(judged) - judged->word_before;
+    return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY : max_word - price * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct rl_case *judged)
@@ -204,37 +190,20 @@ static bool is_word(struct rl_case *judged)
     return verdict->word <= max_word_of(judged);
 }
 
-/* Additional margin in a sum of zones: more the more variance the packet leaves. */
-static double price_of_sum(const struct rl_case *judged)
-{
-    const struct rl_gain *fit = &judged->verdict.fit;
-    const double excess = rl_excess_variance(&judged->window->whitened, fit->variance, fit->walk);
-    return is_in_sum(judged) && !judged->follows ? RL_COST_OF_GAIN + log(excess) : 0.0;
-}
-
-/* Additional margin if gains may change, as a packet of another ID that begins with the same bits
- * is like one that fades; and if each zone has its own, as it is judged for a second time.
- */
-static double price_of_gains(const struct rl_case *judged)
-{
-    const struct rl_window *window = judged->window;
-    const int prices = rl_window_gain_changes(window) + window->by_zone;
-    return judged->follows ? 0.0 : prices * RL_COST_OF_CHANCE;
-}
-
-/* The decision margin, less the prices of a changing gain and of a sum of zones. Two packets that
- * look like this one do so in each zone, so they have no price of a sum.
+/* The decision margin, less its price among others: there, other bits that explain more may be
+ * those of another ID, disturbed.
  */
 static double margin_of(struct rl_case *judged)
 {
-    const double price = price_of_sum(judged);
+    const double other_bits = is_among_others(judged) ? fmax(judged->verdict.word, 0.0) : 0.0;
+    const double price = price_of_start(judged) + other_bits;
     double margin = rl_rivals_margin(judged) - price;
     /* A known marker more likely continues than does this. */
     if (margin >= judged->thresholds->margin && judged->verdict.packets == 1 && !judged->follows) {
         margin = fmin(margin, rl_rivals_part_margin(judged) - price);
-        margin = fmin(margin, rl_rivals_successive_margin(judged) + price_of_start(judged));
+        margin = fmin(margin, rl_rivals_successive_margin(judged) + saved_start(judged) - price);
     }
-    return margin - price_of_gains(judged);
+    return margin;
 }
 
 /* Judge a packet beside the interferers that the window chooses. */
@@ -273,15 +242,14 @@ struct rl_verdict rl_decide(struct rl_case *judged)
     struct rl_window *window = judged->window;
     const struct rl_case given = *judged;
     struct rl_verdict verdict = decide(judged);
-    if (verdict.reason == RL_EVIDENCE && window->interference.count > 0 &&
+    /* Any other packet could take the shape of what interferers leave. */
+    if (verdict.reason == RL_EVIDENCE && given.is_expected && window->interference.count > 0 &&
         verdict.evidence > MIN_ALONE * judged->thresholds->evidence) {
         window->beside = &verdict.transmission;
         *judged = given;
         const struct rl_verdict again = decide(judged);
         window->beside = NULL;
-        if (again.reason == RL_READ &&
-            rl_excess_variance(&window->strongest->whitened, again.fit.variance, again.fit.walk) <
-                MAX_EXCESS) {
+        if (again.reason == RL_READ) {
             verdict = again;
         }
     }

@@ -120,11 +120,3 @@ void rl_unwhiten(const struct rl_whitened *whitened, float *signal)
         level += whitened->gain[sample][walk] * innovation;
     }
 }
-
-double rl_excess_variance(const struct rl_whitened *whitened, double variance, int walk)
-{
-    const double q = Q_OVER_R[walk];
-    /* Variance of innovations over that of noise, in the filter's steady state. */
-    const double innovation = 1.0 + (q + sqrt(q * q + 4.0 * q)) / 2.0;
-    return variance * innovation / whitened->least;
-}

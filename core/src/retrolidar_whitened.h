@@ -70,7 +70,4 @@ double rl_log_likelihood(const struct rl_whitened *whitened, int walk, double sq
 /* Find the log likelihood without a packet. */
 void rl_find_null(struct rl_whitened *whitened);
 
-/* Variance s that a fit leaves at one q, over the least: far above 1 if something else is there. */
-double rl_excess_variance(const struct rl_whitened *whitened, double variance, int walk);
-
 #endif

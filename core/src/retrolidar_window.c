@@ -181,15 +181,6 @@ double rl_window_follow_gain(struct rl_window *window, const struct rl_transmiss
     return price;
 }
 
-bool rl_window_gain_changes(const struct rl_window *window)
-{
-    bool changes = window->gain_changes;
-    for (int i = 0; i < window->others; i++) {
-        changes = changes || window->other[i].gain_changes;
-    }
-    return changes;
-}
-
 void rl_window_keep_gain(struct rl_window *window)
 {
     window->gain_changes = false;

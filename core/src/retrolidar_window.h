@@ -87,9 +87,6 @@ void rl_window_add(struct rl_window *window, const struct rl_transmission *trans
  */
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission);
 
-/* Whether any gain may change. */
-bool rl_window_gain_changes(const struct rl_window *window);
-
 /* From now on, none may. */
 void rl_window_keep_gain(struct rl_window *window);
 

@@ -25,8 +25,8 @@ PARTS = {
     'earlier packets: chosen beside the packet': Part(
         'decide', 'if (verdict.reason == RL_EVIDENCE &&', 'if (false &&'
     ),
-    'earlier packets: beside the packet, little left': Part(
-        'decide', 'MAX_EXCESS = 20.0', 'MAX_EXCESS = INFINITY'
+    'earlier packets: beside expected packets only': Part(
+        'decide', 'given.is_expected && window', 'window'
     ),
     'earlier packets: whole ones': Part(
         'template', 'packet_s * ceil(after - WHOLE)', 'packet_s * after'
@@ -42,7 +42,7 @@ PARTS = {
         'process_frame', '    rl_judge_expected(detector, from_s, to_s);'
     ),
     'expected packets: no price of a start': Part(
-        'decide', 'judged->is_expected ? RL_COST_OF_CHANCE : 0.0', '0.0'
+        'decide', 'return judged->is_expected ? RL_COST_OF_CHANCE : 0.0', 'return 0.0'
     ),
     'search of the residual': _call(
         'process_frame',
@@ -123,8 +123,11 @@ PARTS = {
         'if (verdict->margin < judged->thresholds->margin) {',
         'if (false) {',
     ),
-    'margin: more of it in sums of zones': Part(
-        'decide', 'is_in_sum(judged) && !judged->follows', 'false && is_in_sum(judged)'
+    'margin: less what other bits explain, among others': Part(
+        'decide', '? fmax(judged->verdict.word, 0.0)', '? 0.0'
+    ),
+    'margin and word test: a price of a start among others': Part(
+        'decide', 'is_among_others(judged) && !judged->is_expected', 'false'
     ),
     'margin: other IDs one after the other': Part(
         'decide',
@@ -139,17 +142,11 @@ PARTS = {
     'margin: the next packet of a known marker': Part(
         'rivals', 'fmax(nearest, rl_rivals_next(judged))', 'nearest'
     ),
-    'gains that change along the packet: a price in the margin': Part(
-        'decide', 'rl_window_gain_changes(window) + window->by_zone', 'window->by_zone'
-    ),
     'zone by zone: judged again': Part('judge', '.zones != RL_SUMMED) {', '.zones != 0) {'),
-    'zone by zone: a price in the margin': Part('decide', ' + window->by_zone;', ';'),
     'gains that change along the packet': Part(
         'decide', 'verdict->packets == 1 ? rl_window_follow_gain', 'false ? rl_window_follow_gain'
     ),
-    'word test: stricter in sums of zones': Part(
-        'decide', 'fmin(max_word, RL_COST_OF_GAIN)', 'max_word'
-    ),
+    'word test: expected packets': Part('decide', 'word + saved_start(judged) -', 'word -'),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
     'word test: two packets together': Part(
         'decide', '- judged->word_before', '- 0.0 * judged->word_before'
@@ -177,9 +174,6 @@ PARTS = {
     ),
     'stretches judged as lone packets, too': Part(
         'judge', 'verdict.reason != RL_INCOMPLETE ||', 'true || verdict.reason != RL_INCOMPLETE ||'
-    ),
-    'more evidence for few changes': Part(
-        'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'
     ),
     'more evidence where levels wander': Part(
         'decide', 'judged->thresholds->wandering : 0.0', '0.0 : 0.0'
@@ -248,10 +242,6 @@ SETS = {
     ),
     'both word tests': ('word test: bits turned', 'word test: bits of the search'),
     'residual and pairs': ('search of the residual', 'pairs of packets'),
-    'few changes and preambles': (
-        'more evidence for few changes',
-        'word test: a preamble that is not known',
-    ),
 }
 """Parts that may cover for each other."""
 
