@@ -55,6 +55,18 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }
 
+/* Additional evidence for a packet of few changes, as an object that moves may look like it. */
+static double cost_of_changes(uint32_t bits)
+{
+    int changes = 0;
+    for (int bit = 0; bit + 1 < RL_PACKET_BITS; bit++) {
+        changes += ((bits >> bit ^ bits >> (bit + 1)) & 1u) != 0;
+    }
+    /* A step that comes by chance has a time and a height. */
+    const double cost = 2.0 * RL_COST_OF_CHANCE;
+    return changes < RL_USUAL_CHANGES ? cost * (RL_USUAL_CHANGES - changes) : 0.0;
+}
+
 /* Open the window. Return why the packet cannot be judged, RL_READ if it can. */
 static int open(struct rl_case *judged)
 {
@@ -107,6 +119,7 @@ static bool is_evident(struct rl_case *judged)
     verdict->fit = window->fit;
     return verdict->evidence >=
            judged->thresholds->evidence - saved_start(judged) +
+               cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
                (window->fit.walk >= RL_WANDERS ? judged->thresholds->wandering : 0.0) +
                LEFT_OVER * window->whitened.explained;

@@ -18,6 +18,7 @@ enum { RL_WORD_DISTANCE = 8 }; /* bits in which two words differ at least */
 
 enum {
     RL_MAX_DARK_BITS = 12, /* in a row; only one ID has more, even where packets repeat */
+    RL_USUAL_CHANGES = 12, /* from bit to bit; with fewer (IDs 1, 4094) more evidence is needed */
 };
 
 /* The word of an ID: a row of the extended Golay (24, 12) code.

@@ -175,6 +175,9 @@ PARTS = {
     'stretches judged as lone packets, too': Part(
         'judge', 'verdict.reason != RL_INCOMPLETE ||', 'true || verdict.reason != RL_INCOMPLETE ||'
     ),
+    'more evidence for few changes': Part(
+        'decide', 'cost = 2.0 * RL_COST_OF_CHANCE', 'cost = 0.0 * RL_COST_OF_CHANCE'
+    ),
     'more evidence where levels wander': Part(
         'decide', 'judged->thresholds->wandering : 0.0', '0.0 : 0.0'
     ),
@@ -242,6 +245,10 @@ SETS = {
     ),
     'both word tests': ('word test: bits turned', 'word test: bits of the search'),
     'residual and pairs': ('search of the residual', 'pairs of packets'),
+    'few changes and preambles': (
+        'more evidence for few changes',
+        'word test: a preamble that is not known',
+    ),
 }
 """Parts that may cover for each other."""
 

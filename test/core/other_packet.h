@@ -12,7 +12,7 @@ enum { RL_PREAMBLE_BITS = 6, RL_PREAMBLE = 0x34, RL_WORD_BITS = 21, RL_ID_BITS =
 enum { RL_WORD_DISTANCE = 8 };
 /* end of binding */
 
-enum { RL_MAX_DARK_BITS = 12 };
+enum { RL_MAX_DARK_BITS = 12, RL_USUAL_CHANGES = 8 };
 
 static inline uint32_t rl_encode(uint32_t id)
 {

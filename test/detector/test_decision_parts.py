@@ -86,6 +86,13 @@ def test_packets_that_are_combined_need_the_evidence_of_a_gain_more(core: Statis
     assert combined == pytest.approx(constant('RL_COST_OF_GAIN'), abs=0.1)
 
 
+def test_a_packet_of_few_changes_needs_more_evidence(core: Statistics) -> None:
+    core.start_codebook()
+    changes = {one: np.count_nonzero(np.diff(packet(one))) for one in (2073, 1)}
+    assert changes[1] < changes[2073]
+    assert price(core, Marker(1)) > price(core, Marker(2073)) + 5.0
+
+
 def test_a_packet_needs_more_evidence_where_the_level_wanders(core: Statistics) -> None:
     core.start_codebook()
     for walk, asked in ((0.0, 0.0), (10.0, 12.0)):
