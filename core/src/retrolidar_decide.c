@@ -116,7 +116,6 @@ static bool is_evident(struct rl_case *judged)
         verdict->packets == 1 ? rl_window_follow_gain(window, &verdict->transmission) : 0.0;
     judged->own = rl_window_try(window, &verdict->transmission);
     verdict->evidence = judged->own - judged->price - rl_window_null(window);
-    verdict->fit = window->fit;
     return verdict->evidence >=
            judged->thresholds->evidence - saved_start(judged) +
                cost_of_changes(verdict->transmission.bits) +

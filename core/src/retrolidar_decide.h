@@ -33,7 +33,6 @@ struct rl_verdict {
     int reason;                    /* why it is rejected, or RL_READ */
     double evidence, word, margin; /* statistics of the tests [nats] */
     double begin_s, end_s;         /* of the samples used [s] */
-    struct rl_gain fit;
 };
 /* end of binding */
 

@@ -130,6 +130,7 @@ def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
     [
         pytest.param(10842, 0.3, 6, id='gains of interferers'),
         pytest.param(10844, 0.6, 5, id='gains of interferers, too'),
+        pytest.param(10850, 0.1, 7, id='slowly'),
     ],
 )
 def test_a_marker_that_fades_is_read_as_no_other(seed: int, speed_m_s: float, run: int) -> None:
@@ -152,6 +153,8 @@ def test_a_marker_that_fades_is_read_as_no_other(seed: int, speed_m_s: float, ru
         pytest.param(10001, 169, id='preamble'),
         pytest.param(10731, 15, id='preamble not known'),
         pytest.param(10506, 154, id='sums of zones'),
+        pytest.param(10733, 42, id='several in a sum of zones'),
+        pytest.param(10923, 263, id='crosses beside others'),
         pytest.param(10733, 40, id='zones beside, again'),
         pytest.param(10760, 50, id='placed beside what is known'),
         pytest.param(10958, 8, id='what continues keeps most of its gain'),

@@ -193,7 +193,7 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     frames, restarts = len(system.frames), system.number(DRIVER, 'clock restarts')
     first = chain.sequences()[-1]
     chain.sensor.pull()
-    in_the_cable = max(chain.sensor.middle_ns)
+    pulled = max(chain.sensor.middle_ns)
     before = len(system.statuses[DRIVER])
     system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
     with system.subscribed(Header, 'detector/heartbeat') as beats:
@@ -209,8 +209,11 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         system.wait_for_frames(back + 50)
         system.wait(lambda: bool(beats), 'a heartbeat')
-    if in_the_cable not in chain.sequences():
-        del chain.sensor.middle_ns[in_the_cable]
+    sent = {one for one in chain.sensor.middle_ns if first < one <= pulled}
+    in_the_cable = sent - {*chain.sequences()}
+    assert len(in_the_cable) <= 5  # on a busy machine
+    for one in in_the_cable:
+        del chain.sensor.middle_ns[one]
     chain.expect_all(first)
     # The clocks went on meanwhile, so the map still holds: the first stamps are right at once.
     assert system.number(DRIVER, 'clock restarts') == restarts
