@@ -13,6 +13,7 @@ import numpy as np
 from evaluation.bench.room_scene import Room, RoomSimulation, draw_room
 from evaluation.bench.room_truth import Scored, packets_of, score
 from retrolidar_ros.detector import create_detector
+from retrolidar_ros.detector.methods import USUAL_FALSE_IDS_PER_HOUR
 
 
 class RoomResult(NamedTuple):
@@ -24,11 +25,22 @@ class RoomResult(NamedTuple):
     scored: Scored
 
 
-def play_room(number: int, room: Room, rng: np.random.Generator) -> RoomResult:
+def play_room(
+    number: int,
+    room: Room,
+    rng: np.random.Generator,
+    *,
+    false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR,
+) -> RoomResult:
     """Read a room by a new detector."""
     simulation = RoomSimulation(room, rng)
     recording = simulation.run(room.scene.duration_s)
-    detector = create_detector('joint', recording.grid, bit_period_s=room.bit_period_s)
+    detector = create_detector(
+        'joint',
+        recording.grid,
+        bit_period_s=room.bit_period_s,
+        false_ids_per_hour=false_ids_per_hour,
+    )
     began_s = time.process_time()
     detections = detector.update_all(recording)
     cpu_s = time.process_time() - began_s
@@ -40,7 +52,9 @@ def play_room(number: int, room: Room, rng: np.random.Generator) -> RoomResult:
     )
 
 
-def play(number: int, seed: int) -> RoomResult:
+def play(
+    number: int, seed: int, *, false_ids_per_hour: float = USUAL_FALSE_IDS_PER_HOUR
+) -> RoomResult:
     """Draw a room of a seed, and read it."""
     rng = np.random.default_rng([seed, number])
-    return play_room(number, draw_room(rng), rng)
+    return play_room(number, draw_room(rng), rng, false_ids_per_hour=false_ids_per_hour)
