@@ -11,14 +11,15 @@
 
 /* Deviations of a reading's clock: its start [s] and rate, and their random walks in a second. */
 static const double START_S = 4e-3, RATE = 1.5e-3, WALK_S = 1e-4, RATE_WALK = 1e-4;
+static const double FIRST_M = 0.3; /* the same of its range, as it may move meanwhile */
 static const double EDGE_S = 2e-3; /* half the step of the light's derivative by the start */
 static const double LIGHT_ERROR = 0.1;
 /* Light is as predicted if it differs by less. */
-static const double MAX_OFF = 0.35, MAX_DEVIATIONS = 3.0;
+static const double MAX_OFF = 0.6, MAX_DEVIATIONS = 3.0;
 static const int MAX_OFF_SCALE = 3;   /* bright frames */
 static const double MIN_SCALED = 0.2; /* a frame with less light is not one of another gain */
-/* The background is forgotten after so long, or after the marker has moved so far. */
-static const double BACKGROUND_S = 30.0, BACKGROUND_M = 0.05;
+/* The background is forgotten as the marker moves so far. */
+static const double BACKGROUND_M = 0.05;
 /* The bearing is found anew after so many bright frames, or a change of gains. */
 static const int BEARING_FRAMES = 24;
 static const double BEARING_DEVIATIONS = 0.5, BEARING_SHARE = 0.01;
@@ -26,13 +27,16 @@ static const double SHARED_LIGHT = 0.5;
 /* A marker that has crossed an edge keeps moving for so long. */
 static const double CROSSED_S = 1.0;
 
-void rl_followed_start(struct rl_followed *followed, const struct rl_verdict *verdict)
+void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading)
 {
+    const struct rl_verdict *verdict = &reading->verdict;
     memset(followed, 0, sizeof *followed);
     followed->id = verdict->id;
     followed->transmission = verdict->transmission;
     followed->transmission.repeats = true;
     followed->first_s = verdict->transmission.start_s;
+    rl_range_start(&followed->range, fmax(reading->placement.range_m, RL_NEAREST_M),
+                   FIRST_M * FIRST_M);
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;
@@ -55,35 +59,15 @@ static void predict_light(struct rl_followed *followed, const struct rl_samples 
     followed->slope = (light[0] - light[2]) / (2.0 * EDGE_S);
 }
 
-/* Light falls with the range, so gains follow it. */
-static void follow_gains(struct rl_followed *followed, const struct rl_motion *before, int zones)
-{
-    const struct rl_motion now = rl_range_estimate(&followed->range);
-    const double from_m = fmax(before->range_m, RL_NEAREST_M);
-    const double to_m = fmax(now.range_m, RL_NEAREST_M);
-    const double factor = pow(to_m / from_m, RL_EXPONENT);
-    const double more = fmax(now.variance - before->variance, 0.0);
-    const double share = RL_EXPONENT * RL_EXPONENT * more / (to_m * to_m);
-    for (int zone = 0; zone < zones; zone++) {
-        struct rl_zone_light *one = &followed->zone[zone];
-        one->gain *= factor;
-        one->common *= factor;
-        one->gain_variance *= factor * factor;
-        one->gain_variance += share * one->gain * one->gain;
-    }
-}
-
 /* Predict the range, and the light of all zones. */
 static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
-    const struct rl_motion before = rl_range_estimate(&followed->range);
     const double step_s = scenery->step_s;
     rl_range_predict(&followed->range, step_s);
-    follow_gains(followed, &before, scenery->samples->zones);
     rl_zone_predict(followed->zone, scenery->samples, step_s, followed->crossed);
     followed->crossed *= exp(-step_s / CROSSED_S);
-    const double rate = fabs(before.rate);
-    const double kept = exp(-step_s * fmax(1.0 / BACKGROUND_S, rate / BACKGROUND_M));
+    const double rate = fabs(rl_range_estimate(&followed->range).rate);
+    const double kept = exp(-step_s * rate / BACKGROUND_M);
     for (int zone = 0; zone < scenery->samples->zones; zone++) {
         followed->behind[zone].precision *= kept;
     }
@@ -155,9 +139,7 @@ static struct rl_glance observe(struct rl_followed *followed, const struct rl_sc
                                 struct rl_zone_sample *sample, bool *crossed)
 {
     const struct rl_samples *samples = scenery->samples;
-    const struct rl_motion before = rl_range_estimate(&followed->range);
     rl_followed_range(followed, scenery);
-    follow_gains(followed, &before, samples->zones);
     for (int zone = 0; zone < samples->zones; zone++) {
         sample[zone] = rl_followed_sample(followed, scenery, zone);
     }
@@ -212,10 +194,6 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     const double off = fabs(glance.measured - glance.light);
     if (!isfinite(glance.variance) ||
         off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance + glance.edge_variance))) {
-        /* Darker than dark: another marker, which was a part of the level, has begun to send. */
-        if (glance.light < SHARED_LIGHT && glance.measured < glance.light) {
-            rl_zone_update(followed->zone, samples, sample, &glance, false);
-        }
         rescale(followed, samples->zones, &glance);
         return;
     }

@@ -70,7 +70,6 @@ struct rl_zone_light {
     double level, gain; /* [kcps/SPAD] */
     double level_variance, common, gain_variance;
     double excess; /* residual variance over that of noise, more than 1 in other light */
-    double raised_bits; /* so long have its dark bits been brighter than its level */
 };
 
 /* A sample of a zone, less the light of other markers. */
@@ -140,8 +139,6 @@ struct rl_followed {
     double distance_m, distance_s; /* the last one in the strongest zone ... */
     double distance_variance;
     int distance_zone;
-    double ranged_s;                /* when the range was measured last */
-    int misses;                     /* successive distances that did not fit */
     int off_scale;                  /* successive bright frames with another light */
     int strongest;                  /* zone, when the bearing was found ... */
     int bright_frames;              /* so many frames ago */
@@ -170,12 +167,8 @@ static inline double rl_scenery_now(const struct rl_scenery *scenery)
     return (samples->begin_s[scenery->row] + samples->end_s[scenery->row]) / 2;
 }
 
-/* Begin with a packet that was read; its place is not known yet. */
-void rl_followed_start(struct rl_followed *followed, const struct rl_verdict *verdict);
-
-/* Set its approximate range, by the distance that its strongest zone measured [m]. */
-void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
-                       double depth_m);
+/* Begin with a packet that was read. */
+void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading);
 
 /* Predict clock, light and place of the row. */
 void rl_followed_predict(struct rl_followed *followed, const struct rl_scenery *scenery);
@@ -205,8 +198,7 @@ struct rl_tracks {
     struct rl_followed track[RL_MAX_TRACKS + 1]; /* and one that begins */
     int64_t origin_ns, last_ns; /* of the samples, and of the newest frame */
     struct rl_scenery scenery;
-    double *light; /* room for a window, as has the next */
-    float *distance;
+    double *light; /* room for a window */
 };
 
 /* Look at a row, in which there is no light of other markers yet. */

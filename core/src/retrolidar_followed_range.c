@@ -14,12 +14,9 @@ static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSO
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
 /* A zone measures the range if so much of its signal is the marker's, and less is others'. */
 static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.1;
-static const double MAX_CHANGE = 2.4; /* of the rate while it was dark [m/s] */
-static const double GATE = 25.0;     /* squared deviations */
-static const int MAX_MISSES = 3;
+static const double GATE = 25.0; /* squared deviations */
 /* Distance of unknown light from the marker. */
-static const double UNKNOWN_M = 0.2;
-static const double FIRST_M = 0.3; /* deviation of a range that is a guess */
+static const double UNKNOWN_M = 0.4;
 static const double MIN_BEHIND = 0.5;    /* least share of the background in a signal */
 static const double MIN_PRECISION = 0.1; /* of a background that is known [1/m^2] */
 static const double BIAS_SHARE = 0.1; /* of the newest frame */
@@ -36,14 +33,6 @@ static double to_range(const struct rl_scenery *scenery, int zone, double depth_
 {
     const struct rl_sensor *sensor = &scenery->samples->sensor;
     return depth_m / sensor->z_per_range[zone] - sensor->range_offset_m;
-}
-
-void rl_followed_place(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
-                       double depth_m)
-{
-    rl_range_start(&followed->range, fmax(to_range(scenery, zone, depth_m), RL_NEAREST_M),
-                   FIRST_M * FIRST_M);
-    followed->ranged_s = rl_scenery_now(scenery);
 }
 
 struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
@@ -66,35 +55,20 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
         5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery, signal));
     /* A marker that has come nearer is brighter, too. */
     const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
-    const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
     const double usual = light->level + scenery->other[zone] +
                          followed->light * light->gain * pow(fmin(nearer, 1.0), RL_EXPONENT);
     if (beyond_m < -fmax(NEARER_M, spread_m) &&
-        (signal > BRIGHTER * usual + 5.0 * sqrt(noise) || beyond_m < -way_m - 2.0 * NEARER_M)) {
+        (signal > BRIGHTER * usual + 5.0 * sqrt(noise) || beyond_m < -2.0 * NEARER_M)) {
         sample.valid = false;
     }
     return sample;
 }
 
-/* Return how far the background is behind the marker, if it is known. Find the probability that it
- * is a background and not the mounting, and the variance over both.
- */
-static double behind_of(const struct rl_background *behind, const struct rl_scenery *scenery,
-                        double *chance, double *variance)
+/* Whether it is known how far behind the marker its background is, and merges with it. */
+static bool is_known(const struct rl_background *behind, const struct rl_scenery *scenery)
 {
-    const double separable_m = scenery->samples->sensor.separable_m;
-    const double mounting = RL_MOUNTING_M * RL_MOUNTING_M;
-    *chance = 0.0;
-    *variance = mounting;
-    if (behind->precision < MIN_PRECISION || fabs(behind->offset_m) > separable_m) {
-        return 0.0;
-    }
-    const double noise = 1.0 / behind->precision, spread = noise + mounting;
-    const double squared = behind->offset_m * behind->offset_m;
-    *chance = rl_chance_apart(squared, spread, separable_m);
-    *variance = (1.0 - *chance) * noise * mounting / spread + *chance * noise +
-                *chance * (1.0 - *chance) * squared;
-    return behind->offset_m;
+    return behind->precision >= MIN_PRECISION &&
+           fabs(behind->offset_m) <= scenery->samples->sensor.separable_m;
 }
 
 /* Update the background by a dark sample; near a bit's edge the marker has a share in it. */
@@ -134,15 +108,6 @@ static void learn_noise(struct rl_followed *followed, const struct rl_scenery *s
     followed->distance_m = range_m;
     followed->distance_s = now_s;
     followed->distance_variance = variance;
-}
-
-/* The mean time of the light of an exposure, after its middle: an edge may be within it. */
-static double centre_of(const struct rl_followed *followed, const struct rl_scenery *scenery)
-{
-    const struct rl_samples *samples = scenery->samples;
-    const double dark_s =
-        (1.0 - followed->light) * (samples->end_s[scenery->row] - samples->begin_s[scenery->row]);
-    return followed->slope > 0.0 ? -dark_s / 2 : followed->slope < 0.0 ? dark_s / 2 : 0.0;
 }
 
 /* Subtract other markers, which merge with this one, from a range and its signal, and find the
@@ -198,30 +163,22 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
         return;
     }
     const struct rl_zone_light *light = &followed->zone[zone];
-    const double late_s = centre_of(followed, scenery);
     const double share = fmin(fmax(light->level / fmax(signal, 1e-3), 0.0), 1.0 - MIN_OWN);
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const double unknown_m = UNKNOWN_M * unknown_share(followed, zone, range_m, signal);
-    const double noise = followed->noise_scale * law;
-    const double variance = noise + place.rate_variance * late_s * late_s + unknown_m * unknown_m;
-    double chance, offset_variance;
-    const double offset_m =
-        behind_of(&followed->behind[zone], scenery, &chance, &offset_variance);
-    const double mixed = share * chance;
+    const double variance = followed->noise_scale * law + unknown_m * unknown_m;
+    const struct rl_background *behind = &followed->behind[zone];
+    /* A background that is not known is the mounting. */
+    const bool known = is_known(behind, scenery);
+    const double offset_variance =
+        known ? 1.0 / behind->precision : RL_MOUNTING_M * RL_MOUNTING_M;
+    const double mixed = known ? share : 0.0;
     const double own_m =
-        (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed) - place.rate * late_s;
+        (range_m - mixed * (behind->offset_m + place.range_m)) / (1.0 - mixed);
     const double off = own_m - place.range_m;
-    /* The marker may have changed its direction while it was dark. */
-    const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
-    if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
-        if (++followed->misses > MAX_MISSES) {
-            rl_range_start(&followed->range, own_m, 4.0 * variance);
-            followed->misses = 0;
-        }
+    if (off * off > GATE * (place.variance + variance)) {
         return;
     }
-    followed->misses = 0;
-    followed->ranged_s = rl_scenery_now(scenery);
     if (zone == rl_zone_strongest(followed->zone, scenery->samples->zones)) {
         learn_noise(followed, scenery, zone, range_m, variance);
     }
@@ -249,7 +206,7 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         }
         const double own = sample.signal - light->level;
         if (followed->light > RANGED_LIGHT) {
-            if (own > MIN_OWN * signal && own > 3.0 * sqrt(sample.variance) &&
+            if (own > MIN_OWN * signal &&
                 (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
                 measure_range(followed, scenery, zone, range_m, signal);
             }

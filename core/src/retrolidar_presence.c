@@ -16,17 +16,15 @@
 enum { SAME, HIDDEN, BESIDE_DARK, BESIDE_BRIGHT, OTHER_DARK, OTHER_BRIGHT };
 
 /* Rates at which each begins and ends [1/s]. */
-static const double HIDES = 0.1, SHOWS = 5.0, GAINS = 0.6, LOSES = 0.3, CHANGES = 0.1;
+static const double HIDES = 0.1, SHOWS = 5.0, GAINS = 0.6, LOSES = 0.3, CHANGES = 0.03;
 /* Error of the predicted light: constant, and as a share of it. */
 static const double OFFSET = 0.05, SHARE = 0.15;
-/* Likelihood of any light; and the share of exposures with an edge of other bits. */
-static const double ANYTHING = 0.01, EDGES = 0.25;
+/* Likelihood of any light. */
+static const double ANYTHING = 0.01;
 /* Greatest light of an unknown marker, over that of this one. */
 static const double MAX_MORE = 1.2;
-/* Probability that a bright bit has another brightness: the gain has changed, or other bits. */
-static const double ANY_GAIN = 0.5;
 /* A marker is gone after so many unseen bits; dark ones count a part: experiment `track-ends`. */
-static const double GONE_BITS = 8.5, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
+static const double GONE_BITS = 12.0, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
 static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
 static const double MIN_CHANCE = 1e-9, MAX_STEP_S = 0.1;
 
@@ -74,24 +72,18 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
     const double light = glance->light, seen = glance->measured;
     const double variance = glance->variance + OFFSET * OFFSET;
     const double bright = variance + SHARE * SHARE;
-    const double edge = seen > -OFFSET && seen < 1.0 + OFFSET ? EDGES : 0.0;
     const double less = fmin(glance->level, MAX_MORE); /* if the level was another's in part */
     const double more =
         seen > light - less && seen < light + MAX_MORE ? 1.0 / (less + MAX_MORE) : 0.0;
     const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
-    const double any = ANY_GAIN / (1.0 + MAX_MORE);
-    const double changed = any * light * fmin(fmax(seen, 0.0), 1.0);
-    const double same = density(seen, light, own) + changed + ANYTHING;
-    const double other_bright =
-        (1.0 - ANY_GAIN) * density(seen, 1.0, bright) + (seen > 0.0 ? any : 0.0);
+    const double same = density(seen, light, own) + ANYTHING;
+    const double dark = density(seen, 0.0, variance) + ANYTHING;
     chance[SAME] *= same;
     chance[BESIDE_DARK] *= same;
     chance[BESIDE_BRIGHT] *= more + ANYTHING;
-    /* What hides it may come or go within an exposure, as edges of other bits do. */
-    const double partly = seen < light ? edge : 0.0;
-    chance[HIDDEN] *= (1.0 - EDGES) * density(seen, 0.0, variance) + partly + ANYTHING;
-    chance[OTHER_DARK] *= (1.0 - EDGES) * density(seen, 0.0, variance) + edge + ANYTHING;
-    chance[OTHER_BRIGHT] *= (1.0 - EDGES) * other_bright + edge + ANYTHING;
+    chance[HIDDEN] *= dark;
+    chance[OTHER_DARK] *= dark;
+    chance[OTHER_BRIGHT] *= density(seen, 1.0, bright) + ANYTHING;
     double total = 0.0;
     for (int i = 0; i < RL_EXPLANATIONS; i++) {
         total += chance[i];

@@ -17,14 +17,12 @@ enum { MAX_ROWS = 64 }; /* from one call to the next */
 struct rl_tracks *rl_tracks_create(struct rl_detector *detector)
 {
     const size_t rows = (size_t)detector->samples.capacity;
-    const size_t a_row = sizeof(double) + sizeof(float);
-    struct rl_tracks *tracks = calloc(1, sizeof *tracks + rows * a_row);
+    struct rl_tracks *tracks = calloc(1, sizeof *tracks + rows * sizeof(double));
     if (tracks == NULL) {
         return NULL;
     }
     tracks->detector = detector;
     tracks->light = (double *)(tracks + 1);
-    tracks->distance = (float *)(tracks->light + rows);
     tracks->scenery = (struct rl_scenery){
         .samples = &detector->samples,
         .table = &detector->bearing,

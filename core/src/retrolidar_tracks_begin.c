@@ -15,8 +15,6 @@ static const double REPEATS = 0.98, ALONE = 0.7;
 static const double FARTHEST_M = 10.0;
 /* Relative error of the light of another marker. */
 static const double OTHER_ERROR = 0.1;
-/* Rounds in which markers that share a zone are fitted in turn. */
-enum { ROUNDS = 4 };
 /* Relative error of a gain fitted anew, as the marker may have moved during the other's packet. */
 static const double REFITTED_GAIN = 0.1;
 
@@ -88,21 +86,6 @@ static void add_neighbours(struct rl_tracks *tracks, int zone, const struct rl_f
     }
 }
 
-/* Median distance while the marker was bright; NaN without any. */
-static double depth_of(struct rl_tracks *tracks, int zone, const struct window *window)
-{
-    const struct rl_samples *samples = tracks->scenery.samples;
-    const size_t at = rl_sample(samples, zone, window->first);
-    int count = 0;
-    for (int row = 0; row < window->rows; row++) {
-        const float distance = samples->distance[at + (size_t)row];
-        if (tracks->light[row] > RL_BRIGHT && !isnan(distance)) {
-            tracks->distance[count++] = distance;
-        }
-    }
-    return count > 0 ? (double)rl_select(tracks->distance, count, count / 2) : NAN;
-}
-
 /* Fit levels and gains of all zones to the rows of a reading in a zone. */
 static void fit(struct rl_tracks *tracks, const struct rl_followed *followed, int zone,
                 const struct window *window, struct rl_zone_light *fitted)
@@ -143,22 +126,16 @@ static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struc
     rl_presence_restart(&old->presence, REPEATS);
 }
 
-/* Fit the marker that begins, and those beside it, in turns. */
+/* Fit the marker that begins, and then those beside it. */
 static void fit_all(struct rl_tracks *tracks, struct rl_followed *followed, int zone,
                     const struct window *window)
 {
-    const int zones = tracks->scenery.samples->zones;
     struct rl_zone_light fitted[RL_MAX_ZONES];
-    bool is_alone = false;
-    for (int round = 0; round < ROUNDS && !is_alone; round++) {
-        fit(tracks, followed, zone, window, fitted);
-        memcpy(followed->zone, fitted, (size_t)zones * sizeof *fitted);
-        is_alone = true;
-        for (int i = 0; i < tracks->count; i++) {
-            if (is_beside(tracks, &tracks->track[i], zone)) {
-                refit(tracks, &tracks->track[i], followed, zone, window);
-                is_alone = false;
-            }
+    fit(tracks, followed, zone, window, fitted);
+    memcpy(followed->zone, fitted, (size_t)tracks->scenery.samples->zones * sizeof *fitted);
+    for (int i = 0; i < tracks->count; i++) {
+        if (is_beside(tracks, &tracks->track[i], zone)) {
+            refit(tracks, &tracks->track[i], followed, zone, window);
         }
     }
 }
@@ -207,18 +184,12 @@ bool rl_tracks_begin(struct rl_tracks *tracks, const struct rl_reading *reading)
     const int end_row = rl_samples_row(samples, verdict->end_s + early_s);
     const struct window window = {first,
                                   (end_row < samples->count ? end_row : samples->count) - first};
-    if (window.rows < 2) {
+    if (window.rows < 2 || !reading->is_placed) {
         return false;
     }
-    rl_followed_start(followed, verdict);
+    rl_followed_start(followed, reading);
     rl_template(&followed->transmission, samples->begin_s + first, samples->end_s + first,
                 window.rows, tracks->light);
-    const double depth_m = depth_of(tracks, zone, &window);
-    if (isnan(depth_m)) {
-        return false;
-    }
-    rl_tracks_go_to(tracks, first, samples->begin_s[first]);
-    rl_followed_place(followed, &tracks->scenery, zone, depth_m);
     for (int i = 0; i < samples->zones; i++) {
         followed->zone[i].level = INFINITY; /* before it is known, nothing is too bright */
     }

@@ -9,19 +9,15 @@
 /* Zones take part whose gain is above so many deviations and this share of the strongest's. */
 static const double MIN_DEVIATIONS = 4.0, MIN_SHARE = 0.1;
 /* Random walk in a second: shares of level and gain, and of any level [kcps/SPAD]. */
-static const double LEVEL_WALK = 0.1, GAIN_WALK = 0.1, FLOOR_WALK = 0.3;
+static const double LEVEL_WALK = 0.1, GAIN_WALK = 0.3, FLOOR_WALK = 0.3;
 /* Walk of the gains of a marker that crosses the view, as a share of the strongest. */
 static const double CROSSED_WALK = 1.0;
 /* Deviations after a packet was read, as a share of the strongest gain. */
 static const double MOVED_LEVEL = 0.1, MOVED_GAIN = 1.0, UNREAD_GAIN = 0.05;
 /* Squared deviations at which a zone begins anew: the marker has crossed its edge. */
 static const double MAX_SURPRISE = 9.0;
-/* The same for light that one zone has lost, and another has won. */
-static const double LOST = 2.0, WON = 6.0;
 /* How fast the excess variance is learnt, and its largest value. */
 static const double EXCESS_SHARE = 0.1, MAX_EXCESS = 1e4;
-/* A level has risen if it is higher in all dark bits for so long. */
-static const double MAX_RAISED_BITS = 6.0;
 static const double BRIGHT_LIGHT = 0.5, WHOLE_LIGHT = 0.9;
 
 void rl_zone_add(struct rl_zone_sums *sums, const struct rl_zone_sample *sample, double light)
@@ -97,8 +93,7 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
                      const struct rl_zone_sample *samples, struct rl_glance *glance)
 {
     const int strongest = rl_zone_strongest(lights, held->zones);
-    double cross = 0.0, energy = 0.0, total = 0.0, gain = 0.0, variance = 0.0, best_rise = 0.0;
-    int best = strongest; /* of the zones that have not seen it yet */
+    double cross = 0.0, energy = 0.0, total = 0.0, gain = 0.0, variance = 0.0;
     for (int zone = 0; zone < held->zones; zone++) {
         const struct rl_zone_light *one = &lights[zone];
         if (!samples[zone].valid || !rl_zone_beside(zone, strongest, held->sensor.columns)) {
@@ -109,10 +104,7 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
         total += rise;
         gain += fmax(one->gain, 0.0);
         variance += noise;
-        if (!rl_zone_sees(lights, zone, strongest)) {
-            best = rise > best_rise ? zone : best;
-            best_rise = fmax(best_rise, rise);
-        } else {
+        if (rl_zone_sees(lights, zone, strongest)) {
             cross += one->gain * rise / noise;
             energy += one->gain * one->gain / noise;
         }
@@ -132,16 +124,6 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
         lost * lost > MAX_SURPRISE * glance->variance) {
         glance->measured = all;
         glance->variance = variance / (gain * gain);
-        return true;
-    }
-    /* Of a faint one, the light that one zone has lost, and another one has won. */
-    const double share = best_rise / gain, spread = glance->variance;
-    const double noise = (samples[best].variance + lights[best].level_variance) / (gain * gain);
-    const double left = lost - share;
-    if (glance->light > WHOLE_LIGHT && lost * lost > LOST * spread && lost > 0.0 &&
-        share * share > WON * noise && left * left < MAX_SURPRISE * (spread + noise)) {
-        glance->measured += share;
-        glance->variance += noise;
         return true;
     }
     return false;
@@ -168,7 +150,6 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
 {
     const double light = glance->light;
     const int strongest = rl_zone_strongest(lights, held->zones);
-    const double least = MIN_SHARE * lights[strongest].gain;
     for (int zone = 0; zone < held->zones; zone++) {
         struct rl_zone_light *one = &lights[zone];
         if (!samples[zone].valid) {
@@ -185,14 +166,7 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
             (is_shared || (zone == strongest && light > WHOLE_LIGHT))) {
             one->gain_variance += off * off / (light * light);
             one->excess = 1.0;
-        } else if (surprise > MAX_SURPRISE && light < BRIGHT_LIGHT && one->gain > least) {
-            one->raised_bits += glance->step_s / glance->bit_s;
-            if (off > 0.0 && one->raised_bits < MAX_RAISED_BITS) {
-                continue; /* another marker blinks, maybe; it takes no light away */
-            }
-            one->level_variance += off * off;
         } else {
-            one->raised_bits = light < BRIGHT_LIGHT ? 0.0 : one->raised_bits;
             /* Light of another marker, maybe, which is no share of this one's. */
             one->excess += EXCESS_SHARE * (fmin(surprise, MAX_EXCESS) - one->excess);
             one->excess = fmax(one->excess, 1.0);

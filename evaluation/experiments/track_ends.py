@@ -17,13 +17,13 @@ from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording
 
 TITLE = 'When tracks end'
-_USED_BITS = 8.5  # by the core
+_USED_BITS = 12.0  # by the core
 _RANGES_M = (1.0, 2.0)
-_GONE_BITS = (6.0, _USED_BITS, 12.0)
+_GONE_BITS = (8.5, _USED_BITS, 17.0)
 _TRIALS, _DURATION_S = 24, 30.0
 _KNOWN_S = 3.0  # markers repeat so long before something happens
 _AFTER_S = 2.5
-_LINE = 'GONE_BITS = {:g}'
+_LINE = 'GONE_BITS = {:.1f}'
 
 
 def _sent(
