@@ -24,7 +24,7 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 
 MIN_DB = 6.0  # of the packets that are counted: fainter ones are hardly read by any core
 LAX_BUDGET = 1e5  # false IDs [1/h] without a marker: parts differ sooner where there are many
-LAX_BUDGET_OF_ROOMS = 1e3  # there are some 20 times as many wrong IDs, and hardly more are read
+LAX_BUDGET_OF_ROOMS = 10.0  # there are some ten times as many wrong IDs, and hardly more are read
 _ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 400, 6, 3, 8, 4, 4
 _SENDINGS = [('repeating', 'repeating'), ('repeating', 'sequence'), ('sequence', 'sequence')]
 _RATIOS = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the light of two markers in a zone
@@ -34,7 +34,7 @@ _LONE_SIGNAL, _REPEATED_SIGNAL = 6.0, 2.5  # near the end of the reach [kcps/SPA
 _REPEATED_PACKETS = 8
 _STRETCH_S = 8.0
 _DISTURBANCES = ('walk 0.3', 'come and go', 'hands', 'random levels', 'other bit periods')
-_FAR_OFF_M = 0.1  # an error of range that counts as no larger
+FAR_OFF_M = 0.1  # an error of range that counts as no larger
 _WATCHED_S = 8.0  # longest time to a first ID that is counted
 
 
@@ -60,7 +60,7 @@ def _placed(result: RoomResult) -> dict[str, Outcome]:
     """Return mean errors of places, and the share beyond their ellipsoids, all negative."""
     placed = result.scored.placed
     errors = {
-        'range': [min(abs(one.error.range_m), _FAR_OFF_M) for one in placed],
+        'range': [min(abs(one.error.range_m), FAR_OFF_M) for one in placed],
         'bearing': [max(map(abs, one.bearing_zones)) for one in placed],
         'ellipsoid': [float(one.error.squared_distance > ELLIPSOID) for one in placed],
     }

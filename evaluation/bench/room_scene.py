@@ -117,8 +117,8 @@ class RoomSimulation(Simulation):
         return np.concatenate([light, self.others]), self.depth_m
 
 
-def draw_room(rng: np.random.Generator) -> Room:
-    """Draw a room."""
+def draw_room(rng: np.random.Generator, *, all_repeat: bool = False) -> Room:
+    """Draw a room; all_repeat: markers of ours repeat, whatever was drawn."""
     slow = rng.random() < _SLOW
     bit_s = _SLOW_BIT_S if slow else BIT_PERIOD_S
     grid = GRIDS[8, 8] if slow else GRIDS[4, 4]
@@ -136,6 +136,8 @@ def draw_room(rng: np.random.Generator) -> Room:
     markers = []
     for index, place_m in enumerate(places):
         sending = same_sending or str(rng.choice(SENDINGS))
+        if all_repeat:
+            sending = SENDINGS[0]
         if index == foreign:
             sending = str(rng.choice(FOREIGN))
         motion = 'crossing' if rng.random() < crossing else str(rng.choice(MOTIONS[:2]))

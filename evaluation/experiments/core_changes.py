@@ -20,6 +20,8 @@ from evaluation.bench import core_trial
 from evaluation.bench.changed_core import Part, call_with, check_changes
 from evaluation.bench.core_numbers import number_changes
 from evaluation.bench.core_parts import part_changes
+from evaluation.bench.track_parts import measure as measure_tracks
+from evaluation.bench.track_parts import track_changes
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 
 SIGMAS = 3.0  # of the change by chance; a larger one counts
@@ -31,18 +33,26 @@ FAMILIES = {
     'crossing': 'crossing\nzones',
     'faint': 'at the\nlimit',
     'appearing': 'first\nID later',
+    'followed': 'frames\nfollowed',
     'range': 'range\noff',
     'bearing': 'bearing\noff',
     'ellipsoid': 'out of\nellipsoid',
 }
 _NEGATIVE = ('appearing', 'range', 'bearing', 'ellipsoid')  # times and errors
-_WRONG, _NO_MARKER, _IDS = 'wrong IDs', 'no marker', 'both'
-_HEADS = {**FAMILIES, _WRONG: 'wrong\nIDs', _NO_MARKER: 'without\na marker'}
+_WRONG, _NO_MARKER, _IDS, _FALSE = 'wrong IDs', 'no marker', 'both', 'false'
+_HEADS = {
+    **FAMILIES,
+    _WRONG: 'wrong\nIDs',
+    _NO_MARKER: 'without\na marker',
+    _FALSE: 'frames\nfollowed\nfalsely',
+}
 
 
-def _time_less(changes: Sequence[Part], seed: int, rooms: int) -> float:
+_Times = Callable[[int, int], list[float]]  # of a frame in some rooms, by a seed and their number
+
+
+def _time_less(frame_times_us: _Times, changes: Sequence[Part], seed: int, rooms: int) -> float:
     """Return how much less time a frame takes with changes, one run right after the other [%]."""
-    frame_times_us = core_trial.frame_times_us
     before, after = (call_with(one, frame_times_us, seed, rooms) for one in ((), changes))
     # Each room counts alike, so that one that was interrupted does not decide.
     return round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
@@ -58,18 +68,32 @@ def _change(lost: Sequence[float]) -> dict[str, float]:
     return {'lost': round(total, 3), 'sigmas': round(total / deviation, 2) if deviation else 0.0}
 
 
+def scenes_of(figures: dict[str, Any]) -> list[str]:
+    """Return the names of figures that are lists of outcomes, one for a scene."""
+    return [name for name, value in figures.items() if isinstance(value, list)]
+
+
 def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """Return what is lost by a change, from the same scenes."""
     row: dict[str, Any] = {}
-    for name in FAMILIES:
-        pairs = zip(whole[name], other[name], strict=True)
-        row[name] = _change([before[0] - after[0] for before, after in pairs])
-    marked = [pair for name in FAMILIES for pair in zip(whole[name], other[name], strict=True)]
-    none = [*zip(whole[_NO_MARKER], other[_NO_MARKER], strict=True)]
-    for name, scenes in ((_WRONG, marked), (_NO_MARKER, none), (_IDS, [*marked, *none])):
+    both = {name: [*zip(whole[name], other[name], strict=True)] for name in scenes_of(whole)}
+    marked = []
+    for name in both.keys() & FAMILIES:
+        row[name] = _change([before[0] - after[0] for before, after in both[name]])
+        marked += both[name]
+    counted = {_FALSE: both[_FALSE]} if _FALSE in both else {}
+    if _NO_MARKER in both:
+        none = both[_NO_MARKER]
+        counted = {_WRONG: marked, _NO_MARKER: none, _IDS: [*marked, *none]}
+    for name, scenes in counted.items():
         row[name] = _change([after[2] - before[2] for before, after in scenes])
     row['lines'] = whole['lines'] - other['lines']
     return row
+
+
+def _surest(name: str) -> str:
+    """Return the name of the change by which one counts: wrong IDs all together."""
+    return _IDS if name in (_WRONG, _NO_MARKER) else name
 
 
 class Row(NamedTuple):
@@ -101,8 +125,8 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
     return [
         Row(
             row['off'],
-            {name: percent(row, name) for name in _HEADS},
-            {name: row[name if name in FAMILIES else _IDS]['sigmas'] for name in _HEADS},
+            {name: percent(row, name) for name in _HEADS if name in row},
+            {name: row[_surest(name)]['sigmas'] for name in _HEADS if name in row},
             row.get('time', 0.0),
             row['lines'],
         )
@@ -112,7 +136,7 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
 
 def _rank(one: Row) -> tuple[bool, float]:
     """Return what sorts those that lose most first, and of the rest those that save most time."""
-    worse = [one.lost[name] for name in _HEADS if one.sigmas[name] > SIGMAS]
+    worse = [lost for name, lost in one.lost.items() if one.sigmas[name] > SIGMAS]
     return (not one.loses, -sum(worse) if one.loses else -one.time)
 
 
@@ -126,8 +150,8 @@ def _text(name: str, value: float) -> str:
 def _draw_cells(axis: Any, rows: Sequence[Row]) -> None:
     """Write what each change makes worse, on a shade if it is so beyond chance."""
     for y, one in enumerate(rows):
-        for x, name in enumerate(_HEADS):
-            value, sigmas = one.lost[name], one.sigmas[name]
+        for x, (name, value) in enumerate(one.lost.items()):
+            sigmas = one.sigmas[name]
             colour, weight = '0.6', 'normal'
             if abs(sigmas) > SIGMAS and value * sigmas > 0:
                 colour, weight = 'black', 'bold'
@@ -140,12 +164,13 @@ def _draw_cells(axis: Any, rows: Sequence[Row]) -> None:
             axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **_CENTRED)
 
 
-def _draw_saved(axis: Any, rows: Sequence[Row], time_by_chance: float) -> None:
-    """Write what time and lines each change saves, in grey what it may not."""
+def _draw_saved(axis: Any, rows: Sequence[Row], time_by_chance: float | None) -> None:
+    """Write what lines each change saves, and what time if known, in grey what it may not."""
     for y, one in enumerate(rows):
-        is_chance = abs(one.time) <= max(3.0, time_by_chance)
-        saved = ((-one.time, is_chance), (-float(one.lines), not one.lines))
-        for x, (number, grey) in enumerate(saved, len(_HEADS)):
+        saved = [(-float(one.lines), not one.lines)]
+        if time_by_chance is not None:
+            saved.append((-one.time, abs(one.time) <= max(3.0, time_by_chance)))
+        for x, (number, grey) in enumerate(saved, len(one.lost)):
             text = f'{number:+.0f}'.replace('-', '\N{MINUS SIGN}') if round(number) else '·'
             axis.text(x, y, text, color='0.6' if grey else 'black', **_CENTRED)
 
@@ -158,6 +183,9 @@ class CoreChanges:
     change: str  # what is done, as a word below the chart
     changes: Callable[[], Mapping[str, Sequence[Part]]]  # by name
     message: Callable[[Sequence[Row]], str]  # the title of the chart
+    measure: Callable[[int, float], dict[str, Any]] = core_trial.measure
+    """Returns outcomes by a seed, and the share of the usual scenes."""
+    frame_times_us: _Times | None = None
     of_parts: bool = False  # those that lose most come first, with the time and lines they save
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -171,7 +199,7 @@ class CoreChanges:
         seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.5, 4))
 
         def measured(name: str) -> dict[str, Any]:
-            row: dict[str, Any] = call_with(changes.get(name, ()), core_trial.measure, seed, times)
+            row: dict[str, Any] = call_with(changes.get(name, ()), self.measure, seed, times)
             print(f'measured {name or "as it is"}', file=sys.stderr, flush=True)
             return row
 
@@ -182,13 +210,13 @@ class CoreChanges:
             {'off': name, **_against(whole, other)}
             for name, other in zip(names, others, strict=True)
         ]
-        sums = {name: np.sum(whole[name], axis=0).tolist() for name in (*FAMILIES, _NO_MARKER)}
+        sums = {name: np.sum(whole[name], axis=0).tolist() for name in scenes_of(whole)}
         figures: dict[str, Any] = {'whole': sums, 'rows': rows}
-        if self.of_parts:
+        if self.frame_times_us:
             for row in rows:
-                row['time'] = _time_less(changes[row['off']], seed, rooms)
+                row['time'] = _time_less(self.frame_times_us, changes[row['off']], seed, rooms)
             # The change of time between two runs of the same core.
-            figures['time_by_chance'] = abs(_time_less((), seed, rooms))
+            figures['time_by_chance'] = abs(_time_less(self.frame_times_us, (), seed, rooms))
         return figures
 
     def draw(self, figures: dict[str, Any]) -> Any:
@@ -196,16 +224,19 @@ class CoreChanges:
         rows = _rows(figures)
         if self.of_parts:
             rows.sort(key=_rank)
-        heads = [*_HEADS.values(), *(['time\n[%]', 'lines\nof code'] * self.of_parts)]
+        names = [*rows[0].lost]
+        heads = [_HEADS[name] for name in names]
+        if self.of_parts:
+            heads += ['lines\nof code', *['time\n[%]'] * ('time_by_chance' in figures)]
         figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(rows), self.message(rows))
         axis.grid(visible=False)
         _draw_cells(axis, rows)
         if self.of_parts:
-            _draw_saved(axis, rows, figures['time_by_chance'])
+            _draw_saved(axis, rows, figures.get('time_by_chance'))
         count = sum(one.loses for one in rows)
         if self.of_parts and count:
             axis.axhline(count - 0.5, color='black', linewidth=1)
-        for border in (len(FAMILIES) - 0.5, len(_HEADS) - 0.5):
+        for border in (sum(name in FAMILIES for name in names) - 0.5, len(names) - 0.5):
             axis.axvline(border, color='0.8', linewidth=0.8)
         axis.set(xlim=(-0.5, len(heads) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         axis.set_xticks(range(len(heads)), heads, fontsize=9, rotation=90)
@@ -213,7 +244,7 @@ class CoreChanges:
         axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
         below = '\nThose below the line gain nothing that shows in these scenes.'
         figure.supxlabel(
-            f'What changes {self.change} it: packets lost [%], time or error more [%], IDs more.\n'
+            f'What changes {self.change} it: lost, time or error more [%]; IDs or frames more.\n'
             f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.'
             + below
             * self.of_parts,
@@ -243,6 +274,15 @@ CORE_CHANGES = {
         'without',
         part_changes,
         _parts_message,
+        frame_times_us=core_trial.frame_times_us,
+        of_parts=True,
+    ),
+    'track-parts': CoreChanges(
+        'What each part gains that follows markers',
+        'without',
+        track_changes,
+        _parts_message,
+        measure_tracks,
         of_parts=True,
     ),
     'numbers': CoreChanges('What each number gains', 'with', number_changes, _numbers_message),

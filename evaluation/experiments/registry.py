@@ -32,7 +32,7 @@ from retrolidar_ros.cli.processes import end_with_parent
 _NAMES = """
     speed-accuracy time-to-id peers roc false-ids rooms stability moving tracks
     track-ends laboratory coffee drone several place ranging bound chain ids link reading reach size
-    angle yaw ambient marker landmarks parts numbers
+    angle yaw ambient marker landmarks parts track-parts numbers
 """
 _OBJECTS: dict[str, Any] = SWEEPS | CORE_CHANGES
 EXPERIMENTS: dict[str, Any] = {
@@ -41,7 +41,7 @@ EXPERIMENTS: dict[str, Any] = {
 }
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 _LONGEST = ('rooms', 'roc', 'stability', 'moving')  # begun first, so that none is waited for
-LONG = ('false-ids', 'parts', 'numbers', 'track-ends')
+LONG = ('false-ids', 'parts', 'track-parts', 'numbers', 'track-ends')
 """Those that take long, and so run by their names only; `false-ids` has a run of its own."""
 
 

@@ -1,0 +1,121 @@
+# Copyright 2026 retrolidar_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of the core that follow markers, and what following loses without each in random rooms."""
+
+from typing import Any
+
+import numpy as np
+
+from evaluation.bench.changed_core import Part, lines_of_core
+from evaluation.bench.core_trial import FAR_OFF_M, Outcome
+from evaluation.bench.places import ELLIPSOID
+from evaluation.bench.room_tracks import follow_room
+
+_ROOMS = 200
+_MOTIONS = {'STILL': 'rest', 'EVEN': 'even', 'TURNING': 'swing', 'CHANGED': 'turn at once'}
+
+TRACK_PARTS = {
+    'clock corrected by edges': Part(
+        'followed', '    update_clock(followed, scenery, &glance);', '    (void)update_clock;'
+    ),
+    'light as predicted only': Part(
+        'followed', '        off > fmax(MAX_OFF,', '        0.0 * off > fmax(MAX_OFF,'
+    ),
+    'another gain after some frames': Part(
+        'followed',
+        '++followed->off_scale > MAX_OFF_SCALE',
+        '++followed->off_scale < 0 * MAX_OFF_SCALE',
+    ),
+    'zones: light lost and won at an edge': Part(
+        'zone_light', 'fabs(all - glance->light) < lost &&', 'false &&'
+    ),
+    'zones: gains that change as it crosses': Part(
+        'zone_light', 'CROSSED_WALK * crossed * most', '0.0 * crossed * most'
+    ),
+    'zones: a gain begins anew': Part(
+        'zone_light', 'if (surprise > MAX_SURPRISE &&', 'if (false && surprise > MAX_SURPRISE &&'
+    ),
+    'zones: excess variance': Part(
+        'zone_light', 'one->excess += EXCESS_SHARE', 'one->excess += 0.0 * EXCESS_SHARE'
+    ),
+    'zones: doubt after the packet': Part(
+        'tracks_begin', '    rl_zone_doubt(followed->zone, samples->zones, reading);', '    ;'
+    ),
+    'the packet replayed': Part(
+        'tracks_begin',
+        'row < window->rows; row++) {\n        see(',
+        'row < 0; row++) {\n        see(',
+    ),
+    'others beside fitted anew': Part(
+        'tracks_begin',
+        'if (is_beside(tracks, &tracks->track[i], zone)) {',
+        'if (false && is_beside(tracks, &tracks->track[i], zone)) {',
+    ),
+    'light of others beside, in the packet': Part(
+        'tracks_begin', 'if (other != own && is_beside(', 'if (false && is_beside('
+    ),
+    'light of others: its error': Part('tracks_begin', 'OTHER_ERROR = 0.1', 'OTHER_ERROR = 0.0'),
+    'presence: hidden': Part('presence', 'HIDES = 0.1', 'HIDES = 0.0'),
+    'presence: beside another marker': Part('presence', 'GAINS = 0.6', 'GAINS = 0.0'),
+    'presence: another ID': Part('presence', 'CHANGES = 0.03', 'CHANGES = 0.0'),
+    'presence: error by the light': Part('presence', 'SHARE = 0.15', 'SHARE = 0.0'),
+    'presence: dark bits count less': Part('presence', 'DARK_PART = 0.6', 'DARK_PART = 1.0'),
+    'presence: evidence summed': Part(
+        'presence', 'presence->seen_nats < SEEN', 'presence->seen_nats < 0.0 * SEEN'
+    ),
+    'a nearer target hides it': Part('followed_range', 'sample.valid = false;', ';'),
+    'range: background': Part(
+        'followed_range', 'const double mixed = known ? share', 'const double mixed = false ? share'
+    ),
+    'range: a background that moves with it': Part(
+        'followed', 'exp(-step_s * rate / BACKGROUND_M)', 'exp(-0.0 * rate / BACKGROUND_M)'
+    ),
+    'range: error of the background': Part(
+        'followed_range', '(share * share * offset_variance -', '(0.0 * offset_variance -'
+    ),
+    'range: error of unknown light': Part('followed_range', 'UNKNOWN_M = 0.4', 'UNKNOWN_M = 0.0'),
+    'range: gate': Part('followed_range', 'GATE = 25.0', 'GATE = 1e30'),
+    'range: noise learnt': Part('followed_range', 'LESSON = 0.02', 'LESSON = 0.0'),
+    'range: zones beside, too': Part(
+        'followed_range',
+        '!rl_zone_beside(zone, strongest, samples->sensor.columns)',
+        'zone != strongest',
+    ),
+    'range: other markers subtracted': Part(
+        'followed_range', 'if (other <= 0.0) {', 'if (other < INFINITY) {'
+    ),
+    **{
+        f'motion: {words}': Part(
+            'range_filter',
+            'after.chance[to] = total;',
+            f'after.chance[to] = to == {name} ? 1e-300 : total;',
+        )
+        for name, words in _MOTIONS.items()
+    },
+    'bearing: it may move while it is dark': Part(
+        'tracks', 'moved = followed->crossed', 'moved = 0.0 * followed->crossed'
+    ),
+}
+"""By what they do."""
+
+
+def track_changes() -> dict[str, list[Part]]:
+    """Return what changes the core without each part."""
+    return {name: [part] for name, part in TRACK_PARTS.items()}
+
+
+def measure(seed: int, times: float) -> dict[str, Any]:
+    """Return outcomes by room, `times` the usual number of rooms, and lines of the core."""
+    rooms = [follow_room(number, seed) for number in range(round(_ROOMS * times))]
+    return {
+        'followed': [Outcome(one.followed, one.frames, 0) for one in rooms],
+        'range': [_mean([min(abs(at.range_m), FAR_OFF_M) for at in one.off]) for one in rooms],
+        'bearing': [_mean(one.off_zones) for one in rooms],
+        'ellipsoid': [_mean([at.squared_distance > ELLIPSOID for at in one.off]) for one in rooms],
+        'false': [Outcome(0, 0, one.false) for one in rooms],
+        'lines': lines_of_core(),
+    }
+
+
+def _mean(values: list[float]) -> Outcome:
+    return Outcome(-float(np.mean(values or 0.0)), 1, 0)
