@@ -181,7 +181,7 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
 void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *scenery,
                         double light);
 
-/* Update the range by all zones that measure it. */
+/* Update the range by the strongest zone. */
 void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery);
 
 /* Find the bearing, if gains have changed. */

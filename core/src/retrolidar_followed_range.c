@@ -12,7 +12,7 @@
 static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSON = 9.0;
 /* A nearer target hides the marker if it is so much nearer [m] and brighter. */
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
-/* A zone measures the range if so much of its signal is the marker's, and less is others'. */
+/* The zone measures the range if so much of its signal is the marker's, and less is others'. */
 static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.1;
 static const double GATE = 25.0; /* squared deviations */
 /* Distance of unknown light from the marker. */
@@ -179,9 +179,7 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     if (off * off > GATE * (place.variance + variance)) {
         return;
     }
-    if (zone == rl_zone_strongest(followed->zone, scenery->samples->zones)) {
-        learn_noise(followed, scenery, zone, range_m, variance);
-    }
+    learn_noise(followed, scenery, zone, range_m, variance);
     /* Frames count by their precision, which grows with the square of the light. */
     followed->bias_variance += BIAS_SHARE * followed->light * followed->light *
                                (share * share * offset_variance - followed->bias_variance);
@@ -191,28 +189,22 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
 void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    const int strongest = rl_zone_strongest(followed->zone, samples->zones);
-    for (int zone = 0; zone < samples->zones; zone++) {
-        if (!rl_zone_beside(zone, strongest, samples->sensor.columns)) {
-            continue;
+    const int zone = rl_zone_strongest(followed->zone, samples->zones);
+    const struct rl_zone_light *light = &followed->zone[zone];
+    const struct rl_zone_sample sample = rl_followed_sample(followed, scenery, zone);
+    const size_t at = rl_sample(samples, zone, scenery->row);
+    const double signal = (double)samples->signal[at];
+    const double range_m = to_range(scenery, zone, (double)samples->distance[at]);
+    const double own = sample.signal - light->level;
+    if (!sample.valid || !isfinite(range_m)) {
+        return;
+    }
+    if (followed->light > RANGED_LIGHT) {
+        if (own > MIN_OWN * signal) {
+            measure_range(followed, scenery, zone, range_m, signal);
         }
-        const struct rl_zone_light *light = &followed->zone[zone];
-        const struct rl_zone_sample sample = rl_followed_sample(followed, scenery, zone);
-        const size_t at = rl_sample(samples, zone, scenery->row);
-        const double signal = (double)samples->signal[at];
-        const double range_m = to_range(scenery, zone, (double)samples->distance[at]);
-        if (!sample.valid || !isfinite(range_m)) {
-            continue;
-        }
-        const double own = sample.signal - light->level;
-        if (followed->light > RANGED_LIGHT) {
-            if (own > MIN_OWN * signal &&
-                (zone == strongest || light->gain > 3.0 * sqrt(light->gain_variance))) {
-                measure_range(followed, scenery, zone, range_m, signal);
-            }
-        } else if (followed->light < 1.0 - RL_BRIGHT && scenery->other[zone] < MAX_OTHER * signal &&
-                   own < followed->light * light->gain + 5.0 * sqrt(sample.variance)) {
-            see_behind(followed, scenery, zone, range_m, signal);
-        }
+    } else if (followed->light < 1.0 - RL_BRIGHT && scenery->other[zone] < MAX_OTHER * signal &&
+               own < followed->light * light->gain + 5.0 * sqrt(sample.variance)) {
+        see_behind(followed, scenery, zone, range_m, signal);
     }
 }

@@ -17,8 +17,8 @@ enum { SAME, HIDDEN, BESIDE_DARK, BESIDE_BRIGHT, OTHER_DARK, OTHER_BRIGHT };
 
 /* Rates at which each begins and ends [1/s]. */
 static const double HIDES = 0.1, SHOWS = 5.0, GAINS = 0.6, LOSES = 0.3, CHANGES = 0.03;
-/* Error of the predicted light: constant, and as a share of it. */
-static const double OFFSET = 0.05, SHARE = 0.15;
+/* Error of the predicted light. */
+static const double OFFSET = 0.05;
 /* Likelihood of any light. */
 static const double ANYTHING = 0.01;
 /* Greatest light of an unknown marker, over that of this one. */
@@ -71,19 +71,17 @@ static void weigh(double chance[RL_EXPLANATIONS], const struct rl_glance *glance
 {
     const double light = glance->light, seen = glance->measured;
     const double variance = glance->variance + OFFSET * OFFSET;
-    const double bright = variance + SHARE * SHARE;
     const double less = fmin(glance->level, MAX_MORE); /* if the level was another's in part */
     const double more =
         seen > light - less && seen < light + MAX_MORE ? 1.0 / (less + MAX_MORE) : 0.0;
-    const double own = variance + SHARE * SHARE * light * light + glance->edge_variance;
-    const double same = density(seen, light, own) + ANYTHING;
+    const double same = density(seen, light, variance + glance->edge_variance) + ANYTHING;
     const double dark = density(seen, 0.0, variance) + ANYTHING;
     chance[SAME] *= same;
     chance[BESIDE_DARK] *= same;
     chance[BESIDE_BRIGHT] *= more + ANYTHING;
     chance[HIDDEN] *= dark;
     chance[OTHER_DARK] *= dark;
-    chance[OTHER_BRIGHT] *= density(seen, 1.0, bright) + ANYTHING;
+    chance[OTHER_BRIGHT] *= density(seen, 1.0, variance) + ANYTHING;
     double total = 0.0;
     for (int i = 0; i < RL_EXPLANATIONS; i++) {
         total += chance[i];

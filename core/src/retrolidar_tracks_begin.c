@@ -13,8 +13,6 @@
 static const double REPEATS = 0.98, ALONE = 0.7;
 /* Beyond this range a track has run away. */
 static const double FARTHEST_M = 10.0;
-/* Relative error of the light of another marker. */
-static const double OTHER_ERROR = 0.1;
 /* Relative error of a gain fitted anew, as the marker may have moved during the other's packet. */
 static const double REFITTED_GAIN = 0.1;
 
@@ -51,9 +49,7 @@ void rl_tracks_add_light(struct rl_scenery *scenery, const struct rl_followed *f
         if (rl_zone_sees(followed->zone, zone, strongest)) {
             scenery->other[zone] += sign * seen;
             scenery->other_product[zone] += sign * seen * range_m;
-            const double error = OTHER_ERROR * seen;
-            scenery->other_variance[zone] +=
-                sign * (light * light * one->gain_variance + error * error);
+            scenery->other_variance[zone] += sign * light * light * one->gain_variance;
         }
     }
 }

@@ -7,6 +7,7 @@ to be read. A track is false if no marker near it sends its ID, or did so just b
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -25,15 +26,22 @@ _BEGUN_FRAMES = 5  # after it was read first
 _ENDED_S = 0.3  # after its last packet
 
 
+class Followed(NamedTuple):
+    """How a marker is followed."""
+
+    motion: str
+    company: str  # of most of its packets
+    frames: int  # to follow it in
+    off: list[PlaceError]  # of each frame in which it is followed
+    off_zones: list[float]  # the same in bearing
+
+
 class RoomTracks(NamedTuple):
     """How markers are followed in a room."""
 
-    frames: int  # to follow in, of all markers
-    followed: int  # of these
-    false: int  # frames of false tracks
-    off: list[PlaceError]  # of each frame in which a marker is followed
-    off_zones: list[float]  # the same in bearing
-    deviations: list[float]  # the same in range, over the estimated deviation
+    markers: list[Followed]
+    frames: int  # of the room
+    false: int  # tracks, each in each frame
 
 
 def follow_room(number: int, seed: int) -> RoomTracks:
@@ -48,21 +56,18 @@ def follow_room(number: int, seed: int) -> RoomTracks:
     false = sum(
         not _is_true(one, room.markers, sent, pitch) for step in steps for one in step.tracks
     )
-    result = RoomTracks(0, 0, false, [], [], [])
+    markers = []
     for index, marker in enumerate(room.markers):
-        own_db = [one.snr_db for one in sent if one.marker == index]
-        if len(marker.ids) and own_db and np.mean(own_db) > BRIGHT_DB[0]:
-            tracks = list(_tracks_of(marker, steps))
-            seen = [one for one in tracks if one]
-            for one in seen:
-                error = place_error(one.place, _true_m(marker, one))
-                result.off.append(error)
-                result.off_zones.append(_off_zones(one, marker, pitch))
-                result.deviations.append(error.range_m / one.place.range_stddev_m)
-            result = result._replace(
-                frames=result.frames + len(tracks), followed=result.followed + len(seen)
-            )
-    return result
+        own = [one for one in sent if one.marker == index]
+        if not len(marker.ids) or not own or np.mean([one.snr_db for one in own]) < BRIGHT_DB[0]:
+            continue
+        company, _ = Counter(one.company for one in own).most_common(1)[0]
+        tracks = list(_tracks_of(marker, steps))
+        seen = [one for one in tracks if one]
+        off = [place_error(one.place, _true_m(marker, one)) for one in seen]
+        off_zones = [_off_zones(one, marker, pitch) for one in seen]
+        markers.append(Followed(marker.course.motion, company, len(tracks), off, off_zones))
+    return RoomTracks(markers, len(steps), false)
 
 
 def _tracks_of(marker: RoomMarker, steps: Sequence[Step]) -> Iterator[Track | None]:

@@ -54,11 +54,9 @@ TRACK_PARTS = {
     'light of others beside, in the packet': Part(
         'tracks_begin', 'if (other != own && is_beside(', 'if (false && is_beside('
     ),
-    'light of others: its error': Part('tracks_begin', 'OTHER_ERROR = 0.1', 'OTHER_ERROR = 0.0'),
     'presence: hidden': Part('presence', 'HIDES = 0.1', 'HIDES = 0.0'),
     'presence: beside another marker': Part('presence', 'GAINS = 0.6', 'GAINS = 0.0'),
     'presence: another ID': Part('presence', 'CHANGES = 0.03', 'CHANGES = 0.0'),
-    'presence: error by the light': Part('presence', 'SHARE = 0.15', 'SHARE = 0.0'),
     'presence: dark bits count less': Part('presence', 'DARK_PART = 0.6', 'DARK_PART = 1.0'),
     'presence: evidence summed': Part(
         'presence', 'presence->seen_nats < SEEN', 'presence->seen_nats < 0.0 * SEEN'
@@ -76,19 +74,14 @@ TRACK_PARTS = {
     'range: error of unknown light': Part('followed_range', 'UNKNOWN_M = 0.4', 'UNKNOWN_M = 0.0'),
     'range: gate': Part('followed_range', 'GATE = 25.0', 'GATE = 1e30'),
     'range: noise learnt': Part('followed_range', 'LESSON = 0.02', 'LESSON = 0.0'),
-    'range: zones beside, too': Part(
-        'followed_range',
-        '!rl_zone_beside(zone, strongest, samples->sensor.columns)',
-        'zone != strongest',
-    ),
     'range: other markers subtracted': Part(
         'followed_range', 'if (other <= 0.0) {', 'if (other < INFINITY) {'
     ),
     **{
         f'motion: {words}': Part(
             'range_filter',
-            'after.chance[to] = total;',
-            f'after.chance[to] = to == {name} ? 1e-300 : total;',
+            'nats[i] = log(filter->chance[i]) -',
+            f'nats[i] = (i == {name} ? -1e3 : 0.0) + log(filter->chance[i]) -',
         )
         for name, words in _MOTIONS.items()
     },
@@ -107,11 +100,14 @@ def track_changes() -> dict[str, list[Part]]:
 def measure(seed: int, times: float) -> dict[str, Any]:
     """Return outcomes by room, `times` the usual number of rooms, and lines of the core."""
     rooms = [follow_room(number, seed) for number in range(round(_ROOMS * times))]
+    off = [[at for marker in one.markers for at in marker.off] for one in rooms]
+    off_zones = [[at for marker in one.markers for at in marker.off_zones] for one in rooms]
+    frames = [sum(marker.frames for marker in one.markers) for one in rooms]
     return {
-        'followed': [Outcome(one.followed, one.frames, 0) for one in rooms],
-        'range': [_mean([min(abs(at.range_m), FAR_OFF_M) for at in one.off]) for one in rooms],
-        'bearing': [_mean(one.off_zones) for one in rooms],
-        'ellipsoid': [_mean([at.squared_distance > ELLIPSOID for at in one.off]) for one in rooms],
+        'followed': [Outcome(len(own), of, 0) for own, of in zip(off, frames, strict=True)],
+        'range': [_mean([min(abs(at.range_m), FAR_OFF_M) for at in own]) for own in off],
+        'bearing': [_mean(own) for own in off_zones],
+        'ellipsoid': [_mean([at.squared_distance > ELLIPSOID for at in own]) for own in off],
         'false': [Outcome(0, 0, one.false) for one in rooms],
         'lines': lines_of_core(),
     }

@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.following import SECONDS_S, play, shared_figures, two_in_a_zone
-from evaluation.bench.places import held, place_error, rms, rms_mm
+from evaluation.bench.places import held, median_mm, place_error, rms, rms_mm
 from evaluation.bench.recordings import record_at
+from evaluation.bench.room_markers import MOTIONS
+from evaluation.bench.room_tracks import RoomTracks, follow_room
+from evaluation.bench.room_truth import COMPANY
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, View, read_pictures
@@ -25,6 +28,7 @@ DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
 _SETTLED_S = 1.0  # after a track began
 _RUNS = 12
+_ROOMS, _QUICK_ROOMS = 300, 6
 _PICTURES = 40
 _APART_M = (0.0, 0.1, 0.3)  # of two in a zone, at the first range
 _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a second
@@ -81,6 +85,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for begins, apart_m in itertools.product(SECONDS_S, _APART_M):
         two = [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
         shared.append({'apart_m': apart_m, 'begins': begins, **shared_figures(two)})
+    seed = int(rng.integers(2**32))
+    rooms = [follow_room(number, seed) for number in range(_QUICK_ROOMS if quick else _ROOMS)]
     background = Background(rng)
     read = partial(read_pictures, [AprilTagReader()], background, 5 if quick else _PICTURES, rng)
     seen = {
@@ -90,7 +96,33 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         for words, longest_s in _EXPOSURES_S.items()
     }
-    return {'curves': curves, 'shared': shared, 'apriltag': seen}
+    return {'curves': curves, 'shared': shared, 'rooms': _in_rooms(rooms), 'apriltag': seen}
+
+
+def _in_rooms(rooms: Sequence[RoomTracks]) -> dict[str, Any]:
+    """Return how markers are followed in random rooms, by motion and company."""
+    cells = []
+    for motion, company in itertools.product(MOTIONS, COMPANY):
+        own = [
+            one
+            for room in rooms
+            for one in room.markers
+            if (one.motion, one.company) == (motion, company)
+        ]
+        off = [error for one in own for error in one.off]
+        frames = sum(one.frames for one in own)
+        cells.append(
+            {
+                'motion': motion,
+                'company': company,
+                'frames': frames,
+                'followed': len(off) / frames if frames else None,
+                'median_mm': median_mm([error.range_m for error in off]),
+                'ellipsoid_holds': held([error.squared_distance for error in off]),
+            }
+        )
+    false = sum(room.false for room in rooms) / sum(room.frames for room in rooms)
+    return {'rooms': len(rooms), 'false_tracks': false, 'cells': cells}
 
 
 def _by_speed(figures: dict[str, Any], head: str, cell: Callable[[Any], str]) -> Table:
@@ -135,6 +167,20 @@ def shared_table(figures: dict[str, Any]) -> Table:
         both = NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}'
         ends = as_text(one['ends_an_hour'], '', 0)
         rows.append([one['begins'], f'{one["apart_m"]:g}', *errors, both, ends])
+    return rows
+
+
+def rooms_table(figures: dict[str, Any]) -> Table:
+    """Return how markers are followed in random rooms, by motion and company."""
+    rows = [['followed / median error [mm] / in 95 % ellipsoid', *COMPANY]]
+    for motion in MOTIONS:
+        own = [one for one in figures['rooms']['cells'] if one['motion'] == motion]
+        cells = [
+            f'{as_text(one["followed"] and 100 * one["followed"], "%", 0)}'
+            f'/{as_text(one["median_mm"], "", 1)}/{percent(one["ellipsoid_holds"])}'
+            for one in own
+        ]
+        rows.append([motion, *cells])
     return rows
 
 
