@@ -37,6 +37,7 @@ void rl_followed_start(struct rl_followed *followed, const struct rl_reading *re
     followed->first_s = verdict->transmission.start_s;
     rl_range_start(&followed->range, fmax(reading->placement.range_m, RL_NEAREST_M),
                    FIRST_M * FIRST_M);
+    followed->ranged_s = verdict->begin_s;
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;
@@ -59,14 +60,34 @@ static void predict_light(struct rl_followed *followed, const struct rl_samples 
     followed->slope = (light[0] - light[2]) / (2.0 * EDGE_S);
 }
 
+/* Light falls with the range, so gains follow it. */
+static void follow_gains(struct rl_followed *followed, const struct rl_motion *before, int zones)
+{
+    const struct rl_motion now = rl_range_estimate(&followed->range);
+    const double from_m = fmax(before->range_m, RL_NEAREST_M);
+    const double to_m = fmax(now.range_m, RL_NEAREST_M);
+    const double factor = pow(to_m / from_m, RL_EXPONENT);
+    const double more = fmax(now.variance - before->variance, 0.0);
+    const double share = RL_EXPONENT * RL_EXPONENT * more / (to_m * to_m);
+    for (int zone = 0; zone < zones; zone++) {
+        struct rl_zone_light *one = &followed->zone[zone];
+        one->gain *= factor;
+        one->common *= factor;
+        one->gain_variance *= factor * factor;
+        one->gain_variance += share * one->gain * one->gain;
+    }
+}
+
 /* Predict the range, and the light of all zones. */
 static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
+    const struct rl_motion before = rl_range_estimate(&followed->range);
     const double step_s = scenery->step_s;
     rl_range_predict(&followed->range, step_s);
+    follow_gains(followed, &before, scenery->samples->zones);
     rl_zone_predict(followed->zone, scenery->samples, step_s, followed->crossed);
     followed->crossed *= exp(-step_s / CROSSED_S);
-    const double rate = fabs(rl_range_estimate(&followed->range).rate);
+    const double rate = fabs(before.rate);
     const double kept = exp(-step_s * rate / BACKGROUND_M);
     for (int zone = 0; zone < scenery->samples->zones; zone++) {
         followed->behind[zone].precision *= kept;
@@ -139,7 +160,9 @@ static struct rl_glance observe(struct rl_followed *followed, const struct rl_sc
                                 struct rl_zone_sample *sample, bool *crossed)
 {
     const struct rl_samples *samples = scenery->samples;
+    const struct rl_motion before = rl_range_estimate(&followed->range);
     rl_followed_range(followed, scenery);
+    follow_gains(followed, &before, samples->zones);
     for (int zone = 0; zone < samples->zones; zone++) {
         sample[zone] = rl_followed_sample(followed, scenery, zone);
     }

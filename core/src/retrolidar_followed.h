@@ -139,6 +139,7 @@ struct rl_followed {
     double distance_m, distance_s; /* the last one in the strongest zone ... */
     double distance_variance;
     int distance_zone;
+    double ranged_s;                /* when the range was measured last */
     int off_scale;                  /* successive bright frames with another light */
     int strongest;                  /* zone, when the bearing was found ... */
     int bright_frames;              /* so many frames ago */

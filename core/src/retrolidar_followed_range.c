@@ -14,7 +14,8 @@ static const double MIN_SCALE = 0.25, MAX_SCALE = 16.0, LESSON = 0.02, MAX_LESSO
 static const double NEARER_M = 0.1, BRIGHTER = 1.5;
 /* The zone measures the range if so much of its signal is the marker's, and less is others'. */
 static const double MIN_OWN = 0.3, MAX_OTHER = 0.1, RANGED_LIGHT = 0.1;
-static const double GATE = 25.0; /* squared deviations */
+static const double MAX_CHANGE = 1.2; /* of the rate while it was dark [m/s] */
+static const double GATE = 25.0;      /* squared deviations */
 /* Distance of unknown light from the marker. */
 static const double UNKNOWN_M = 0.4;
 static const double MIN_BEHIND = 0.5;    /* least share of the background in a signal */
@@ -55,20 +56,35 @@ struct rl_zone_sample rl_followed_sample(const struct rl_followed *followed,
         5.0 * sqrt(place.variance + followed->noise_scale * law_of(scenery, signal));
     /* A marker that has come nearer is brighter, too. */
     const double nearer = fmax(range_m, RL_NEAREST_M) / fmax(place.range_m, RL_NEAREST_M);
+    const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s);
     const double usual = light->level + scenery->other[zone] +
                          followed->light * light->gain * pow(fmin(nearer, 1.0), RL_EXPONENT);
     if (beyond_m < -fmax(NEARER_M, spread_m) &&
-        (signal > BRIGHTER * usual + 5.0 * sqrt(noise) || beyond_m < -2.0 * NEARER_M)) {
+        (signal > BRIGHTER * usual + 5.0 * sqrt(noise) || beyond_m < -way_m - 2.0 * NEARER_M)) {
         sample.valid = false;
     }
     return sample;
 }
 
-/* Whether it is known how far behind the marker its background is, and merges with it. */
-static bool is_known(const struct rl_background *behind, const struct rl_scenery *scenery)
+/* Return how far the background is behind the marker, if it is known. Find the probability that it
+ * is a background and not the mounting, and the variance over both.
+ */
+static double behind_of(const struct rl_background *behind, const struct rl_scenery *scenery,
+                        double *chance, double *variance)
 {
-    return behind->precision >= MIN_PRECISION &&
-           fabs(behind->offset_m) <= scenery->samples->sensor.separable_m;
+    const double separable_m = scenery->samples->sensor.separable_m;
+    const double mounting = RL_MOUNTING_M * RL_MOUNTING_M;
+    *chance = 0.0;
+    *variance = mounting;
+    if (behind->precision < MIN_PRECISION || fabs(behind->offset_m) > separable_m) {
+        return 0.0;
+    }
+    const double noise = 1.0 / behind->precision, spread = noise + mounting;
+    const double squared = behind->offset_m * behind->offset_m;
+    *chance = rl_chance_apart(squared, spread, separable_m);
+    *variance = (1.0 - *chance) * noise * mounting / spread + *chance * noise +
+                *chance * (1.0 - *chance) * squared;
+    return behind->offset_m;
 }
 
 /* Update the background by a dark sample; near a bit's edge the marker has a share in it. */
@@ -167,18 +183,19 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     const struct rl_motion place = rl_range_estimate(&followed->range);
     const double unknown_m = UNKNOWN_M * unknown_share(followed, zone, range_m, signal);
     const double variance = followed->noise_scale * law + unknown_m * unknown_m;
-    const struct rl_background *behind = &followed->behind[zone];
-    /* A background that is not known is the mounting. */
-    const bool known = is_known(behind, scenery);
-    const double offset_variance =
-        known ? 1.0 / behind->precision : RL_MOUNTING_M * RL_MOUNTING_M;
-    const double mixed = known ? share : 0.0;
-    const double own_m =
-        (range_m - mixed * (behind->offset_m + place.range_m)) / (1.0 - mixed);
+    double chance, offset_variance;
+    const double offset_m =
+        behind_of(&followed->behind[zone], scenery, &chance, &offset_variance);
+    const double mixed = share * chance;
+    const double own_m = (range_m - mixed * (offset_m + place.range_m)) / (1.0 - mixed);
     const double off = own_m - place.range_m;
-    if (off * off > GATE * (place.variance + variance)) {
+    /* The marker may have changed its direction while it was dark, if no other light is there. */
+    const double way_m = MAX_CHANGE * (rl_scenery_now(scenery) - followed->ranged_s) *
+                         (1.0 - rl_presence_doubt(&followed->presence));
+    if (off * off > GATE * (place.variance + variance) + way_m * way_m) {
         return;
     }
+    followed->ranged_s = rl_scenery_now(scenery);
     learn_noise(followed, scenery, zone, range_m, variance);
     /* Frames count by their precision, which grows with the square of the light. */
     followed->bias_variance += BIAS_SHARE * followed->light * followed->light *
@@ -200,7 +217,7 @@ void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *sc
         return;
     }
     if (followed->light > RANGED_LIGHT) {
-        if (own > MIN_OWN * signal) {
+        if (own > MIN_OWN * signal && own > 3.0 * sqrt(sample.variance)) {
             measure_range(followed, scenery, zone, range_m, signal);
         }
     } else if (followed->light < 1.0 - RL_BRIGHT && scenery->other[zone] < MAX_OTHER * signal &&

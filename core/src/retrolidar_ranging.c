@@ -37,10 +37,7 @@ static bool is_apart(double wall_m, double depth_m, const struct rl_ranged *part
     return gap_m >= separable_m || (gap_m >= separable_m - RL_UNSURE_M && beyond_m > separable_m);
 }
 
-/* The probability that a surface at this squared distance from a marker is a background, anywhere
- * within `separable_m`, and not its mounting; spread: variance of a mounting's distance [m^2].
- */
-static double chance_apart(double squared, double spread, double separable_m)
+double rl_chance_apart(double squared, double spread, double separable_m)
 {
     const double mounted = exp(-squared / (2 * spread)) / sqrt(TWO_PI * spread);
     const double anywhere = 1 / (2 * separable_m);
@@ -60,7 +57,7 @@ static void weigh(struct rl_ranged *plain, const struct rl_ranged *parted, doubl
     const double noise = fmax(parted->variance - plain->variance, 0.0);
     const double mounting = RL_MOUNTING_M * share * RL_MOUNTING_M * share;
     const double spread = noise + mounting;
-    const double chance = chance_apart(step_m * step_m, spread, separable_m * share);
+    const double chance = rl_chance_apart(step_m * step_m, spread, separable_m * share);
     const double near_m = plain->depth_m + step_m * mounting / spread;
     const double near_variance = plain->variance + noise * mounting / spread;
     const double apart_m = parted->depth_m - near_m;

@@ -58,4 +58,9 @@ bool rl_last_other_is_seen(const struct rl_seen *seen);
 bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double about_m,
                        struct rl_ranged *found, double *others);
 
+/* The probability that a surface at this squared distance from a marker is a background, anywhere
+ * within `separable_m`, and not its mounting; spread: variance of a mounting's distance [m^2].
+ */
+double rl_chance_apart(double squared, double spread, double separable_m);
+
 #endif

@@ -214,7 +214,7 @@ PARTS = {
         'ranging', 'gap_m >= sensor->separable_m ? 0', 'gap_m >= INFINITY ? 0'
     ),
     'range: or a mounting': Part(
-        'ranging', 'chance = chance_apart(', 'chance = 1.0 + 0.0 * chance_apart('
+        'ranging', 'chance = rl_chance_apart(', 'chance = 1.0 + 0.0 * rl_chance_apart('
     ),
     'range: samples within the zone': Part(
         'ranging', 'seen->others > 0 ? 0.0 : IN_ZONE', 'seen->others > -1 ? 0.0 : IN_ZONE'

@@ -7,7 +7,7 @@ Some markers are foreign: they blink by another clock or in another code, and ha
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,9 @@ _BEGINS = 0.3  # markers that send after a silence; others have always been send
 _COMES_AND_GOES = 0.3  # markers that appear or vanish, in mid-packet
 _RANGE_M = (0.4, 3.8)
 _ZONES_A_PACKET = (0.3, 3.6)  # how fast markers cross: 0.05 to 0.6 m/s at 1 m, in 4x4 zones
+# Of markers that repeat: how far they move along the line of sight, and how fast at most.
+_ALONG_M, _ALONG_M_S = (0.01, 0.4), (0.02, 0.8)
+_MOUNTED = 0.3  # share of their rooms in which all are mounted on what is behind them
 _CLOCK_ERROR, _QUARTZ = 0.012, (1e-3, 0.1)  # quartz has such a share of the error
 
 
@@ -118,7 +121,11 @@ class RoomSimulation(Simulation):
 
 
 def draw_room(rng: np.random.Generator, *, all_repeat: bool = False) -> Room:
-    """Draw a room; all_repeat: markers of ours repeat, whatever was drawn."""
+    """Draw a room.
+
+    all_repeat: Markers of ours repeat, those that sway come nearer and go, too, and all may be
+    mounted on walls.
+    """
     slow = rng.random() < _SLOW
     bit_s = _SLOW_BIT_S if slow else BIT_PERIOD_S
     grid = GRIDS[8, 8] if slow else GRIDS[4, 4]
@@ -128,7 +135,7 @@ def draw_room(rng: np.random.Generator, *, all_repeat: bool = False) -> Room:
     crossing = 0.0 if full else rng.choice([0.0, 0.5, 1.0])
     same_sending = SENDINGS[3] if full and rng.random() < _FULL_SEQUENCE else None
     foreign = int(rng.integers(len(places))) if rng.random() < _FOREIGN else -1
-    woken = rng.spawn(1)[0]  # so that other rooms stay those of their seeds
+    woken, moved = rng.spawn(2)  # so that other rooms stay those of their seeds
     clock, begin_s = 1.0, None
     if woken.random() < _WOKEN:
         clock = log_uniform(_QUARTZ, woken)
@@ -142,6 +149,8 @@ def draw_room(rng: np.random.Generator, *, all_repeat: bool = False) -> Room:
             sending = str(rng.choice(FOREIGN))
         motion = 'crossing' if rng.random() < crossing else str(rng.choice(MOTIONS[:2]))
         course = _course(motion, place_m, grid, bit_s, rng)
+        if all_repeat:
+            course = _to_and_fro(course, moved)
         marker = _marker(sending, course, bit_s, duration_s, rng, clock=clock, woken_s=begin_s)
         markers.append(marker)
     sensor = Sensor(
@@ -159,7 +168,7 @@ def draw_room(rng: np.random.Generator, *, all_repeat: bool = False) -> Room:
     scene = Scene(
         duration_s=duration_s,
         sensor=sensor,
-        surfaces=_walls(places, grid, rng),
+        surfaces=_walls(places, grid, rng, mounted=all_repeat and moved.random() < _MOUNTED),
         moving_surfaces=_hands(duration_s, rng),
     )
     return Room(scene, bit_s, tuple(markers), _cloth(sensor.period_s, rng))
@@ -244,10 +253,27 @@ def _marker(
     return room_marker(sending, course, bit_s, begin_s, duration_s, rng, **crystal)
 
 
-def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tuple[Surface, ...]:
-    """Return a wall close behind the markers, far behind, or none."""
+def _to_and_fro(course: Course, rng: np.random.Generator) -> Course:
+    """Return a course that is also to and from the sensor, if it sways."""
+    along_m = log_uniform(_ALONG_M, rng)
+    turn_s = 2 * math.pi * along_m / log_uniform(_ALONG_M_S, rng)
+    if course.motion != MOTIONS[1]:
+        return course
+    return replace(
+        course,
+        swing_m=np.append(course.swing_m[:2], min(along_m, course.place_m[2] / 3)),
+        turn_s=np.append(course.turn_s[:2], turn_s),
+    )
+
+
+def _walls(
+    places: list[Floats], grid: ZoneGrid, rng: np.random.Generator, *, mounted: bool
+) -> tuple[Surface, ...]:
+    """Return a wall close behind the markers, far behind, or none; mounted: on which they are."""
     farthest_m = max(float(place[2]) for place in places)
     kind = rng.choice(['near', 'near', 'far', 'own', 'none'])
+    if mounted:
+        kind = 'own'
     if kind == 'none':
         return ()
     signal = log_uniform((1.0, 15.0), rng)
@@ -258,7 +284,7 @@ def _walls(places: list[Floats], grid: ZoneGrid, rng: np.random.Generator) -> tu
     depths = np.full(grid.zones, farthest_m + rng.uniform(0.02, 1.0))
     for place in places:
         zone = np.abs(grid.tangents - place[:2] / place[2]).max(axis=1).argmin()
-        depths[zone] = place[2] + 0.02
+        depths[zone] = place[2] + (0.002 if mounted else 0.02)
     return tuple(Surface(float(z), signal, (zone,)) for zone, z in enumerate(depths))
 
 

@@ -11,7 +11,7 @@ from evaluation.bench.core_trial import FAR_OFF_M, Outcome
 from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.room_tracks import follow_room
 
-_ROOMS = 200
+_ROOMS = 120
 _MOTIONS = {'STILL': 'rest', 'EVEN': 'even', 'TURNING': 'swing', 'CHANGED': 'turn at once'}
 
 TRACK_PARTS = {
@@ -31,6 +31,9 @@ TRACK_PARTS = {
     ),
     'zones: gains that change as it crosses': Part(
         'zone_light', 'CROSSED_WALK * crossed * most', '0.0 * crossed * most'
+    ),
+    'zones: gains follow the range': Part(
+        'followed', 'pow(to_m / from_m, RL_EXPONENT)', 'pow(to_m / from_m, 0.0)'
     ),
     'zones: a gain begins anew': Part(
         'zone_light', 'if (surprise > MAX_SURPRISE &&', 'if (false && surprise > MAX_SURPRISE &&'
@@ -62,8 +65,14 @@ TRACK_PARTS = {
         'presence', 'presence->seen_nats < SEEN', 'presence->seen_nats < 0.0 * SEEN'
     ),
     'a nearer target hides it': Part('followed_range', 'sample.valid = false;', ';'),
-    'range: background': Part(
-        'followed_range', 'const double mixed = known ? share', 'const double mixed = false ? share'
+    'range: background': Part('followed_range', 'mixed = share * chance;', 'mixed = 0.0 * chance;'),
+    'range: or a mounting': Part(
+        'followed_range',
+        '*chance = rl_chance_apart(squared, spread, separable_m);',
+        '*chance = 1.0 + 0.0 * rl_chance_apart(squared, spread, separable_m);',
+    ),
+    'range: it may turn while it is dark': Part(
+        'followed_range', 'MAX_CHANGE = 1.2', 'MAX_CHANGE = 0.0'
     ),
     'range: a background that moves with it': Part(
         'followed', 'exp(-step_s * rate / BACKGROUND_M)', 'exp(-0.0 * rate / BACKGROUND_M)'

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from evaluation.bench.following import two_in_a_zone
 from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.room_tracks import follow_room
+from evaluation.experiments.tracks import _moving
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
@@ -94,6 +95,12 @@ def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: 
     ranges_m = np.linalg.norm(position_at(scene.markers[0], times_s), axis=1)
     true = np.gradient(ranges_m, times_s)
     assert rms(speed - true) < 0.35 * rms(true) + 0.02
+
+
+def test_a_marker_that_turns_round_at_once_is_followed() -> None:
+    rng = np.random.default_rng(5600)
+    runs = [_moving('to and fro', 0.6, 1.0, rng)['all'] for _ in range(4)]
+    assert rms(np.concatenate(runs)) < 0.04
 
 
 @pytest.mark.parametrize(('period_s', 'most'), [(6.0, 1.0), (3.0, 1.2)])
@@ -192,7 +199,7 @@ def test_two_markers_in_a_zone_share_its_light(apart_m: float) -> None:
 
 @pytest.mark.parametrize(
     ('room', 'min_followed', 'max_outside'),
-    [(9, 0.99, 0.02), (13, 0.97, 0.06), (17, 0.98, 0.03), (43, 0.95, 0.15), (61, 0.9, 0.12)],
+    [(9, 0.99, 0.02), (13, 0.955, 0.07), (43, 0.97, 0.17), (83, 0.97, 0.06), (96, 0.99, 0.2)],
 )
 def test_markers_in_a_random_room_are_followed(
     room: int, min_followed: float, max_outside: float
@@ -243,7 +250,7 @@ def test_another_marker_that_is_unknown_ends_no_track(range_m: float) -> None:
     rng = np.random.default_rng(5400)
     runs = [two_in_a_zone(range_m, 0.1, 'after 3 to 5 s', 8.0, rng) for _ in range(6)]
     assert sum(one['ends'] for one in runs) <= 3
-    assert rms(np.concatenate([one['errors_m'] for one in runs])) < 0.025
+    assert rms(np.concatenate([one['errors_m'] for one in runs])) < 0.04
 
 
 def test_a_marker_that_is_three_times_as_bright_at_once_is_followed() -> None:
