@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a track ends: after how many bits unseen a marker counts as gone."""
 
+import textwrap
 from dataclasses import replace
 from typing import Any
 
@@ -151,7 +152,7 @@ def draw(figures: dict[str, Any]) -> Any:
     often, never = ([s for s in hourly if any(hourly[s]) == has] for has in (True, False))
     for colour, sign, scene in zip(SHADES, 'osDv^', often, strict=False):
         ends.plot(bits, hourly[scene], color=colour, marker=sign, label=scene)
-    x, title = 'gone after bits unseen', f'no track ends falsely if {" or ".join(never)}'
+    x, title = 'gone after bits unseen', textwrap.fill(f'never if {"; or ".join(never)}', 40)
     label(times, x, '95 % are dropped after [s]')
     label(ends, x, 'false ends [1/h]', title if never else '', yscale='symlog', ylim=(-0.1, None))
     for axis in (times, ends):
