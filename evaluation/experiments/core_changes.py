@@ -68,7 +68,7 @@ def _change(lost: Sequence[float]) -> dict[str, float]:
     return {'lost': round(total, 3), 'sigmas': round(total / deviation, 2) if deviation else 0.0}
 
 
-def scenes_of(figures: dict[str, Any]) -> list[str]:
+def _scenes_of(figures: dict[str, Any]) -> list[str]:
     """Return the names of figures that are lists of outcomes, one for a scene."""
     return [name for name, value in figures.items() if isinstance(value, list)]
 
@@ -76,7 +76,7 @@ def scenes_of(figures: dict[str, Any]) -> list[str]:
 def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """Return what is lost by a change, from the same scenes."""
     row: dict[str, Any] = {}
-    both = {name: [*zip(whole[name], other[name], strict=True)] for name in scenes_of(whole)}
+    both = {name: [*zip(whole[name], other[name], strict=True)] for name in _scenes_of(whole)}
     marked = []
     for name in both.keys() & FAMILIES:
         row[name] = _change([before[0] - after[0] for before, after in both[name]])
@@ -210,7 +210,7 @@ class CoreChanges:
             {'off': name, **_against(whole, other)}
             for name, other in zip(names, others, strict=True)
         ]
-        sums = {name: np.sum(whole[name], axis=0).tolist() for name in scenes_of(whole)}
+        sums = {name: np.sum(whole[name], axis=0).tolist() for name in _scenes_of(whole)}
         figures: dict[str, Any] = {'whole': sums, 'rows': rows}
         if self.frame_times_us:
             for row in rows:

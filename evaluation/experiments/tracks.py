@@ -27,14 +27,16 @@ RANGES_M = (1.0, 2.0)
 DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
 _SETTLED_S = 1.0  # after a track began
-_RUNS = 12
+_RUNS = 40
 _ROOMS, _QUICK_ROOMS = 150, 6
 _PICTURES = 40
 _APART_M = (0.0, 0.1, 0.3)  # of two in a zone, at the first range
 _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a second
 
 
-def _moving(way: str, speed_m_s: float, range_m: float, rng: np.random.Generator) -> dict[str, Any]:
+def moving_errors(
+    way: str, speed_m_s: float, range_m: float, rng: np.random.Generator
+) -> dict[str, Any]:
     """Return errors of a marker's packets and tracks while it moves."""
     path = WAYS[way](speed_m_s, range_m, rng)
     sent = record_at(range_m, rng, path=path, repeated_s=DURATION_S)
@@ -77,7 +79,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     curves = []
     for way, range_m in itertools.product(WAYS, RANGES_M):
         points = [
-            {'speed_m_s': at, **_sum([_moving(way, at, range_m, rng) for _ in range(runs)])}
+            {'speed_m_s': at, **_sum([moving_errors(way, at, range_m, rng) for _ in range(runs)])}
             for at in _SPEEDS_M_S
         ]
         curves.append({'way': way, 'range_m': range_m, 'points': points})

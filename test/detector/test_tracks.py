@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evaluation.bench.following import two_in_a_zone
 from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.room_tracks import follow_room
-from evaluation.experiments.tracks import _moving
+from evaluation.experiments.tracks import moving_errors
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.detection import Track
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
@@ -99,7 +99,7 @@ def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: 
 
 def test_a_marker_that_turns_round_at_once_is_followed() -> None:
     rng = np.random.default_rng(5600)
-    runs = [_moving('to and fro', 0.6, 1.0, rng)['all'] for _ in range(4)]
+    runs = [moving_errors('to and fro', 0.6, 1.0, rng)['all'] for _ in range(4)]
     assert rms(np.concatenate(runs)) < 0.04
 
 
