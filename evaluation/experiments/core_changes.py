@@ -196,7 +196,7 @@ class CoreChanges:
         changes = self.changes()
         check_changes(changes)
         names = list(changes)[: 1 if quick else None]
-        seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.5, 4))
+        seed, times, rooms = int(rng.integers(2**32)), *((0.05, 1) if quick else (0.3, 4))
 
         def measured(name: str) -> dict[str, Any]:
             row: dict[str, Any] = call_with(changes.get(name, ()), self.measure, seed, times)
