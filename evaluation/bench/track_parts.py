@@ -11,7 +11,7 @@ from evaluation.bench.core_trial import FAR_OFF_M, Outcome
 from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.room_tracks import follow_room
 
-_ROOMS = 50
+_ROOMS = 250
 _MOTIONS = {'STILL': 'rest', 'EVEN': 'even', 'TURNING': 'swing', 'CHANGED': 'turn at once'}
 
 TRACK_PARTS = {
