@@ -26,6 +26,7 @@ static const double BEARING_DEVIATIONS = 0.5, BEARING_SHARE = 0.01;
 static const double SHARED_LIGHT = 0.5;
 /* A marker that has crossed an edge keeps moving for so long. */
 static const double CROSSED_S = 1.0;
+static const double LOST_BITS = 5.0; /* a marker that was not seen in these is lost */
 
 void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading)
 {
@@ -41,7 +42,24 @@ void rl_followed_start(struct rl_followed *followed, const struct rl_reading *re
     followed->clock = (struct rl_clock_error){START_S * START_S, 0.0, RATE * RATE};
     followed->noise_scale = 1.0;
     followed->distance_zone = -1;
+    followed->strongest = reading->zone[0];
     followed->bright_frames = BEARING_FRAMES;
+}
+
+double rl_followed_lost(const struct rl_followed *followed)
+{
+    return fmin(followed->presence.unseen_bits / LOST_BITS, 1.0);
+}
+
+bool rl_followed_agrees(const struct rl_followed *followed, const struct rl_samples *samples,
+                        const struct rl_reading *reading)
+{
+    bool is_there = false;
+    for (int i = 0; i < reading->zones; i++) {
+        is_there = is_there || rl_zone_beside(reading->zone[i], followed->strongest,
+                                              samples->sensor.columns);
+    }
+    return is_there && rl_followed_lost(followed) < 1.0;
 }
 
 static void predict_light(struct rl_followed *followed, const struct rl_samples *samples, int row)
@@ -85,7 +103,8 @@ static void move(struct rl_followed *followed, const struct rl_scenery *scenery)
     const double step_s = scenery->step_s;
     rl_range_predict(&followed->range, step_s);
     follow_gains(followed, &before, scenery->samples->zones);
-    rl_zone_predict(followed->zone, scenery->samples, step_s, followed->crossed);
+    rl_zone_predict(followed->zone, scenery->samples,
+                    rl_followed_strongest(followed, scenery->samples), step_s, followed->crossed);
     followed->crossed *= exp(-step_s / CROSSED_S);
     const double rate = fabs(before.rate);
     const double kept = exp(-step_s * rate / BACKGROUND_M);
@@ -129,7 +148,7 @@ static void update_clock(struct rl_followed *followed, const struct rl_scenery *
 void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    const int strongest = rl_zone_strongest(followed->zone, samples->zones);
+    const int strongest = rl_followed_strongest(followed, samples);
     double amplitude[RL_MAX_ZONES], variance[RL_MAX_ZONES];
     const double most = followed->zone[strongest].gain;
     bool changed = strongest != followed->strongest || ++followed->bright_frames > BEARING_FRAMES;
@@ -172,7 +191,8 @@ static struct rl_glance observe(struct rl_followed *followed, const struct rl_sc
         .light = followed->light,
         .edge_variance = followed->slope * followed->slope * followed->clock.variance,
     };
-    *crossed = rl_zone_measure(followed->zone, samples, sample, &glance);
+    *crossed = rl_zone_measure(followed->zone, samples, sample,
+                               rl_followed_strongest(followed, samples), &glance);
     if (rl_presence_update(&followed->presence, &glance)) {
         followed->last_ns = samples->stamp_ns[scenery->row];
     }
@@ -188,8 +208,12 @@ void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *s
     followed->slope = 0.0;
     move(followed, scenery);
     const struct rl_glance glance = observe(followed, scenery, sample, &crossed);
-    rl_zone_update(followed->zone, scenery->samples, sample, &glance, crossed);
+    rl_zone_update(followed->zone, scenery->samples, sample,
+                   rl_followed_strongest(followed, scenery->samples), &glance, crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
+    if (light > SHARED_LIGHT) {
+        followed->strongest = rl_followed_strongest(followed, scenery->samples);
+    }
 }
 
 /* If the light blinks as predicted, but by another amount, the marker has turned or moved. */
@@ -222,7 +246,8 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    rl_zone_update(followed->zone, samples, sample, &glance, crossed);
+    rl_zone_update(followed->zone, samples, sample, rl_followed_strongest(followed, samples),
+                   &glance, crossed);
     followed->crossed = crossed ? 1.0 : followed->crossed;
     if (followed->light > SHARED_LIGHT) {
         followed->shared_s = rl_scenery_now(scenery);

@@ -91,26 +91,28 @@ struct rl_zone_light rl_zone_fit(const struct rl_zone_sums *sums);
  */
 void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_reading *reading);
 
-/* The zone that sees most of a marker. */
-int rl_zone_strongest(const struct rl_zone_light *lights, int zones);
+/* The zone that sees most of a marker, among one and those beside it. */
+int rl_zone_strongest(const struct rl_zone_light *lights, const struct rl_samples *held, int near);
 
-/* Whether a zone is sure to see a part of the marker that the strongest zone sees. */
-bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest);
+/* Whether a zone, the strongest or one beside it, is sure to see a part of the marker. */
+bool rl_zone_sees(const struct rl_zone_light *lights, const struct rl_samples *held, int zone,
+                  int strongest);
 
 /* Measure the light of a marker in the strongest zone and those beside it. Return whether the
  * zones' shares have changed: it has crossed an edge.
  */
 bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
-                     const struct rl_zone_sample *samples, struct rl_glance *glance);
+                     const struct rl_zone_sample *samples, int strongest,
+                     struct rl_glance *glance);
 
 /* Let time pass. crossed: the probability that the marker crosses the view */
-void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, double step_s,
-                     double crossed);
+void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, int strongest,
+                     double step_s, double crossed);
 
 /* Update all zones with samples of the predicted light; crossed: its shares have changed. */
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
-                    const struct rl_zone_sample *samples, const struct rl_glance *glance,
-                    bool crossed);
+                    const struct rl_zone_sample *samples, int strongest,
+                    const struct rl_glance *glance, bool crossed);
 
 /* Light falls with the range by this power (paper Fig. 5a). */
 static const double RL_EXPONENT = -3.8;
@@ -135,7 +137,7 @@ struct rl_followed {
     struct rl_background behind[RL_MAX_ZONES];
     double light, slope;         /* in the newest frame, and how it changes with the start [1/s] */
     double noise_scale;          /* variance of distances over the law */
-    double bias_variance;        /* of the range, by what is behind the marker [m^2] */
+    double bias_variance;        /* of the range, by what is behind or beside the marker [m^2] */
     double distance_m, distance_s; /* the last one in the strongest zone ... */
     double distance_variance;
     int distance_zone;
@@ -167,6 +169,22 @@ static inline double rl_scenery_now(const struct rl_scenery *scenery)
     const struct rl_samples *samples = scenery->samples;
     return (samples->begin_s[scenery->row] + samples->end_s[scenery->row]) / 2;
 }
+
+/* The zone that sees most of it: the last one that did, or one beside that, as markers cross zones
+ * one by one.
+ */
+static inline int rl_followed_strongest(const struct rl_followed *followed,
+                                        const struct rl_samples *samples)
+{
+    return rl_zone_strongest(followed->zone, samples, followed->strongest);
+}
+
+/* The chance that it is lost: it was not seen for long. */
+double rl_followed_lost(const struct rl_followed *followed);
+
+/* Whether a reading is of where a marker is followed, and it is not lost. */
+bool rl_followed_agrees(const struct rl_followed *followed, const struct rl_samples *samples,
+                        const struct rl_reading *reading);
 
 /* Begin with a packet that was read. */
 void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading);

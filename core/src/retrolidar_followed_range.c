@@ -126,14 +126,16 @@ static void learn_noise(struct rl_followed *followed, const struct rl_scenery *s
     followed->distance_variance = variance;
 }
 
-/* Subtract other markers, which merge with this one, from a range and its signal, and find the
- * variance of the range by the law. False where they do not merge.
+/* Subtract other markers, which merge with this one, from a range and its signal. Find the variance
+ * of the range, and the part of it that is by the error of their light, which lasts. False where
+ * they do not merge.
  */
 static bool subtract_others(const struct rl_scenery *scenery, int zone, double *range_m,
-                            double *signal, double *variance)
+                            double *signal, double *variance, double *lasting)
 {
     const double other = scenery->other[zone], whole = *signal;
     *variance = law_of(scenery, whole);
+    *lasting = 0.0;
     if (other <= 0.0) {
         return true;
     }
@@ -141,7 +143,8 @@ static bool subtract_others(const struct rl_scenery *scenery, int zone, double *
     const double other_m = scenery->other_product[zone] / other;
     const double apart_m = (*range_m - other_m) * whole / own;
     const double error_m = apart_m * sqrt(scenery->other_variance[zone]) / own;
-    *variance = whole / own * whole / own * *variance + error_m * error_m;
+    *lasting = error_m * error_m;
+    *variance = whole / own * whole / own * *variance + *lasting;
     *range_m = other_m + apart_m;
     *signal = own;
     return own > MIN_OWN * whole && fabs(apart_m) < scenery->samples->sensor.separable_m;
@@ -174,8 +177,8 @@ static void correct_range(struct rl_followed *followed, double range_m, double v
 static void measure_range(struct rl_followed *followed, const struct rl_scenery *scenery, int zone,
                           double range_m, double signal)
 {
-    double law;
-    if (!subtract_others(scenery, zone, &range_m, &signal, &law)) {
+    double law, lasting;
+    if (!subtract_others(scenery, zone, &range_m, &signal, &law, &lasting)) {
         return;
     }
     const struct rl_zone_light *light = &followed->zone[zone];
@@ -198,15 +201,16 @@ static void measure_range(struct rl_followed *followed, const struct rl_scenery 
     followed->ranged_s = rl_scenery_now(scenery);
     learn_noise(followed, scenery, zone, range_m, variance);
     /* Frames count by their precision, which grows with the square of the light. */
-    followed->bias_variance += BIAS_SHARE * followed->light * followed->light *
-                               (share * share * offset_variance - followed->bias_variance);
+    followed->bias_variance +=
+        BIAS_SHARE * followed->light * followed->light *
+        (share * share * offset_variance + lasting - followed->bias_variance);
     correct_range(followed, own_m, variance, 1.0 - mixed, scenery->samples->zones);
 }
 
 void rl_followed_range(struct rl_followed *followed, const struct rl_scenery *scenery)
 {
     const struct rl_samples *samples = scenery->samples;
-    const int zone = rl_zone_strongest(followed->zone, samples->zones);
+    const int zone = rl_followed_strongest(followed, samples);
     const struct rl_zone_light *light = &followed->zone[zone];
     const struct rl_zone_sample sample = rl_followed_sample(followed, scenery, zone);
     const size_t at = rl_sample(samples, zone, scenery->row);

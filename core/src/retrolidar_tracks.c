@@ -36,9 +36,14 @@ void rl_tracks_destroy(struct rl_tracks *tracks)
     free(tracks);
 }
 
-static void end(struct rl_tracks *tracks, int index)
+static void remove_track(struct rl_tracks *tracks, int index)
 {
     tracks->track[index] = tracks->track[--tracks->count];
+}
+
+static void end(struct rl_tracks *tracks, int index)
+{
+    remove_track(tracks, index);
     tracks->counts.ended++;
 }
 
@@ -52,17 +57,29 @@ static int weakest(const struct rl_tracks *tracks)
     return least;
 }
 
+/* Begin with a reading, or anew if its marker is not followed to where it was read. */
 static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
 {
+    double first_s = INFINITY;
     for (int i = 0; i < tracks->count; i++) {
-        if (tracks->track[i].id == reading->verdict.id) {
-            return;
+        const struct rl_followed *before = &tracks->track[i];
+        if (before->id == reading->verdict.id) {
+            if (rl_followed_agrees(before, tracks->scenery.samples, reading)) {
+                return;
+            }
+            first_s = before->first_s;
+            remove_track(tracks, i);
+            break;
         }
     }
+    const bool was_followed = first_s < INFINITY;
     if (!rl_tracks_begin(tracks, reading)) {
+        tracks->counts.ended += was_followed;
         return;
     }
-    tracks->counts.started++;
+    struct rl_followed *begun = &tracks->track[tracks->count];
+    begun->first_s = fmin(begun->first_s, first_s);
+    tracks->counts.started += !was_followed;
     if (++tracks->count > RL_MAX_TRACKS) {
         end(tracks, weakest(tracks));
         tracks->counts.ended--;
@@ -145,7 +162,9 @@ struct rl_marker_track rl_tracks_track(const struct rl_tracks *tracks, int32_t i
         .last_ns = followed->last_ns,
     };
     const double dark_s = tracks->scenery.samples->end_s[tracks->scenery.row] - followed->shared_s;
-    const double moved = followed->crossed * ACROSS_M_S * (dark_s + LAG_S) / place.range_m;
+    /* A marker that is lost may have moved, too. */
+    const double moves = fmax(followed->crossed, rl_followed_lost(followed));
+    const double moved = moves * ACROSS_M_S * (dark_s + LAG_S) / place.range_m;
     for (int axis = 0; axis < 2; axis++) {
         track.tangent[axis] = pitch * (middle[axis] + followed->bearing.mean[axis]);
         track.tangent_variance[axis] =

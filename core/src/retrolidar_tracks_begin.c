@@ -41,12 +41,12 @@ void rl_tracks_go_to(struct rl_tracks *tracks, int row, double since_s)
 void rl_tracks_add_light(struct rl_scenery *scenery, const struct rl_followed *followed,
                          double light, double sign)
 {
-    const int strongest = rl_zone_strongest(followed->zone, scenery->samples->zones);
+    const int strongest = rl_followed_strongest(followed, scenery->samples);
     const double range_m = rl_range_estimate(&followed->range).range_m;
     for (int zone = 0; zone < scenery->samples->zones; zone++) {
         const struct rl_zone_light *one = &followed->zone[zone];
         const double seen = light * fmax(one->gain, 0.0);
-        if (rl_zone_sees(followed->zone, zone, strongest)) {
+        if (rl_zone_sees(followed->zone, scenery->samples, zone, strongest)) {
             scenery->other[zone] += sign * seen;
             scenery->other_product[zone] += sign * seen * range_m;
             scenery->other_variance[zone] += sign * light * light * one->gain_variance;
@@ -57,7 +57,7 @@ void rl_tracks_add_light(struct rl_scenery *scenery, const struct rl_followed *f
 static bool is_beside(const struct rl_tracks *tracks, const struct rl_followed *followed, int zone)
 {
     const struct rl_samples *samples = tracks->scenery.samples;
-    const int strongest = rl_zone_strongest(followed->zone, samples->zones);
+    const int strongest = rl_followed_strongest(followed, samples);
     return rl_zone_beside(zone, strongest, samples->sensor.columns);
 }
 
@@ -108,11 +108,11 @@ static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struc
                   int zone, const struct window *window)
 {
     const int zones = tracks->scenery.samples->zones;
-    const int strongest = rl_zone_strongest(new->zone, zones);
+    const int strongest = rl_followed_strongest(new, tracks->scenery.samples);
     struct rl_zone_light fitted[RL_MAX_ZONES];
     fit(tracks, old, zone, window, fitted);
     for (int i = 0; i < zones; i++) {
-        if (rl_zone_sees(new->zone, i, strongest)) {
+        if (rl_zone_sees(new->zone, tracks->scenery.samples, i, strongest)) {
             const double doubt = REFITTED_GAIN * fitted[i].gain;
             fitted[i].gain_variance += doubt * doubt;
             old->zone[i] = fitted[i];

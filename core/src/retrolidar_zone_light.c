@@ -72,27 +72,32 @@ void rl_zone_doubt(struct rl_zone_light *lights, int zones, const struct rl_read
     }
 }
 
-int rl_zone_strongest(const struct rl_zone_light *lights, int zones)
+int rl_zone_strongest(const struct rl_zone_light *lights, const struct rl_samples *held, int near)
 {
-    int strongest = 0;
-    for (int zone = 1; zone < zones; zone++) {
-        strongest = lights[zone].gain > lights[strongest].gain ? zone : strongest;
+    int strongest = near;
+    for (int zone = 0; zone < held->zones; zone++) {
+        if (lights[zone].gain > lights[strongest].gain &&
+            rl_zone_beside(zone, near, held->sensor.columns)) {
+            strongest = zone;
+        }
     }
     return strongest;
 }
 
-bool rl_zone_sees(const struct rl_zone_light *lights, int zone, int strongest)
+bool rl_zone_sees(const struct rl_zone_light *lights, const struct rl_samples *held, int zone,
+                  int strongest)
 {
     const struct rl_zone_light *one = &lights[zone];
     return zone == strongest ? one->gain > 0.0
                              : one->gain > MIN_SHARE * lights[strongest].gain &&
-                                   one->gain > MIN_DEVIATIONS * sqrt(one->gain_variance);
+                                   one->gain > MIN_DEVIATIONS * sqrt(one->gain_variance) &&
+                                   rl_zone_beside(zone, strongest, held->sensor.columns);
 }
 
 bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
-                     const struct rl_zone_sample *samples, struct rl_glance *glance)
+                     const struct rl_zone_sample *samples, int strongest,
+                     struct rl_glance *glance)
 {
-    const int strongest = rl_zone_strongest(lights, held->zones);
     double cross = 0.0, energy = 0.0, total = 0.0, gain = 0.0, variance = 0.0;
     for (int zone = 0; zone < held->zones; zone++) {
         const struct rl_zone_light *one = &lights[zone];
@@ -104,7 +109,7 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
         total += rise;
         gain += fmax(one->gain, 0.0);
         variance += noise;
-        if (rl_zone_sees(lights, zone, strongest)) {
+        if (rl_zone_sees(lights, held, zone, strongest)) {
             cross += one->gain * rise / noise;
             energy += one->gain * one->gain / noise;
         }
@@ -129,10 +134,9 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
     return false;
 }
 
-void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, double step_s,
-                     double crossed)
+void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, int strongest,
+                     double step_s, double crossed)
 {
-    const int strongest = rl_zone_strongest(lights, held->zones);
     const double most = fmax(lights[strongest].gain, 0.0);
     for (int zone = 0; zone < held->zones; zone++) {
         const bool is_beside = rl_zone_beside(zone, strongest, held->sensor.columns);
@@ -145,11 +149,10 @@ void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held
 }
 
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
-                    const struct rl_zone_sample *samples, const struct rl_glance *glance,
-                    bool crossed)
+                    const struct rl_zone_sample *samples, int strongest,
+                    const struct rl_glance *glance, bool crossed)
 {
     const double light = glance->light;
-    const int strongest = rl_zone_strongest(lights, held->zones);
     for (int zone = 0; zone < held->zones; zone++) {
         struct rl_zone_light *one = &lights[zone];
         if (!samples[zone].valid) {

@@ -11,7 +11,7 @@ from evaluation.bench.core_trial import FAR_OFF_M, Outcome
 from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.room_tracks import follow_room
 
-_ROOMS = 250
+_ROOMS = 200
 _MOTIONS = {'STILL': 'rest', 'EVEN': 'even', 'TURNING': 'swing', 'CHANGED': 'turn at once'}
 
 TRACK_PARTS = {
@@ -25,6 +25,14 @@ TRACK_PARTS = {
         'followed',
         '++followed->off_scale > MAX_OFF_SCALE',
         '++followed->off_scale < 0 * MAX_OFF_SCALE',
+    ),
+    'zones: the strongest is the last one, or beside it': Part(
+        'zone_light', 'rl_zone_beside(zone, near, held->sensor.columns)', 'true'
+    ),
+    'zones: light near the strongest only': Part(
+        'zone_light',
+        'rl_zone_beside(zone, strongest, held->sensor.columns);\n}',
+        'true;\n}',
     ),
     'zones: light lost and won at an edge': Part(
         'zone_light', 'fabs(all - glance->light) < lost &&', 'false &&'
@@ -43,6 +51,12 @@ TRACK_PARTS = {
     ),
     'zones: doubt after the packet': Part(
         'tracks_begin', '    rl_zone_doubt(followed->zone, samples->zones, reading);', '    ;'
+    ),
+    'a reading elsewhere begins anew': Part(
+        'followed', 'return is_there && rl', 'return (true || is_there) && rl'
+    ),
+    'a reading of one that is lost begins anew': Part(
+        'followed', 'rl_followed_lost(followed) < 1.0;', 'true;'
     ),
     'the packet replayed': Part(
         'tracks_begin',
@@ -83,6 +97,9 @@ TRACK_PARTS = {
     'range: error of unknown light': Part('followed_range', 'UNKNOWN_M = 0.4', 'UNKNOWN_M = 0.0'),
     'range: gate': Part('followed_range', 'GATE = 25.0', 'GATE = 1e30'),
     'range: noise learnt': Part('followed_range', 'LESSON = 0.02', 'LESSON = 0.0'),
+    'range: error by other markers lasts': Part(
+        'followed_range', 'offset_variance + lasting -', 'offset_variance -'
+    ),
     'range: other markers subtracted': Part(
         'followed_range', 'if (other <= 0.0) {', 'if (other < INFINITY) {'
     ),
@@ -94,8 +111,9 @@ TRACK_PARTS = {
         )
         for name, words in _MOTIONS.items()
     },
-    'bearing: it may move while it is dark': Part(
-        'tracks', 'moved = followed->crossed', 'moved = 0.0 * followed->crossed'
+    'bearing: it may move while it is dark': Part('tracks', 'moved = moves', 'moved = 0.0 * moves'),
+    'bearing: one that is lost may have moved': Part(
+        'tracks', 'fmax(followed->crossed, rl_followed_lost(followed))', 'followed->crossed'
     ),
 }
 """By what they do."""
