@@ -92,7 +92,7 @@ TRACK_PARTS = {
         'followed', 'exp(-step_s * rate / BACKGROUND_M)', 'exp(-0.0 * rate / BACKGROUND_M)'
     ),
     'range: error of the background': Part(
-        'followed_range', '(share * share * offset_variance -', '(0.0 * offset_variance -'
+        'followed_range', '(share * share * offset_variance +', '(0.0 * offset_variance +'
     ),
     'range: error of unknown light': Part('followed_range', 'UNKNOWN_M = 0.4', 'UNKNOWN_M = 0.0'),
     'range: gate': Part('followed_range', 'GATE = 25.0', 'GATE = 1e30'),
