@@ -154,7 +154,8 @@ def draw(figures: dict[str, Any]) -> Any:
         ends.plot(bits, hourly[scene], color=colour, marker=sign, label=scene)
     x, title = 'gone after bits unseen', textwrap.fill(f'never if {"; or ".join(never)}', 40)
     label(times, x, '95 % are dropped after [s]')
-    label(ends, x, 'false ends [1/h]', title if never else '', yscale='symlog', ylim=(-0.1, None))
+    most = max(max(one) for one in hourly.values())
+    label(ends, x, 'false ends [1/h]', title if never else '', ylim=(0, 1.3 * most + 1))
     for axis in (times, ends):
         axis.axvline(_USED_BITS, color='0.7', linewidth=1)
         axis.text(_USED_BITS + 0.1, 0.15, 'as shipped', transform=axis.get_xaxis_transform())

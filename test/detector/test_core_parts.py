@@ -201,7 +201,20 @@ def test_a_gain_is_learnt_at_once_where_light_has_moved(
     samples[zone] = (True, 10.0 + light * (before + 60.0), 4.0)
     glance = ffi.new('struct rl_glance *', {'step_s': 0.021, 'bit_s': 0.042, 'light': light})
     held = ffi.new('struct rl_samples *', {'zones': 16, 'sensor': {'columns': 4}})
-    lib.rl_zone_update(lights, held, samples, glance, crossed)
+    lib.rl_zone_update(lights, held, samples, 5, glance, crossed)
     learnt = (lights[zone].gain - before) / 60.0
     assert learnt > 0.9 if learns else learnt < 0.1
     assert np.isfinite(lights[zone].gain_variance)
+
+
+@pytest.mark.parametrize(('near', 'strongest'), [(0, 5), (5, 5), (8, 5), (10, 15), (3, 3)])
+def test_a_marker_is_only_where_it_was_or_beside(
+    near: int, strongest: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Light that is farther away is another marker's, however strong it is."""
+    ffi, lib = bind_core(tmp_path_factory, 'followed')
+    lights = ffi.new('struct rl_zone_light[16]')
+    lights[5].gain, lights[15].gain = 100.0, 300.0
+    held = ffi.new('struct rl_samples *', {'zones': 16, 'sensor': {'columns': 4}})
+    assert lib.rl_zone_strongest(lights, held, near) == strongest
+    assert [lib.rl_zone_sees(lights, held, zone, 15) for zone in (15, 5)] == [True, False]
