@@ -231,13 +231,11 @@ class Statistics:
         """Return bits of a packet in the window, and its margins against sequences and parts."""
         lib, given = self.lib, self.given(sending)
         judged = self.case({'packets': 1, 'id': number, 'transmission': given[0]})
-        thresholds = self.ffi.new('struct rl_thresholds *', {'word': 1e3})
-        judged.thresholds = thresholds
         judged.own = self.attempt(sending).log_likelihood
         begin_s = self.samples.begin_s[self.window.first]
         begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
         judged.bits = lib.rl_bits_cut(given, begin, 0)
-        lib.rl_word_flip_bits(judged)
+        lib.rl_word_flip_bits(judged, 1e3)
         successive = lib.rl_rivals_successive_margin(judged)
         bits = self.ffi.new('struct rl_bits *', judged.bits)
         return bits, successive, lib.rl_rivals_part_margin(judged)

@@ -30,67 +30,49 @@ struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first
     return bits;
 }
 
-static void flip_bits(struct rl_case *judged)
+double rl_word_sequence(const struct rl_case *judged, double too_much)
+{
+    double better = -INFINITY;
+    for (int i = 0; i < judged->hits->sequences && better <= too_much; i++) {
+        struct rl_transmission any = judged->hits->sequence[i];
+        const double likelihood = rl_window_refine(judged->window, &any, judged->half_bits);
+        better = fmax(better, likelihood - judged->own);
+    }
+    return better;
+}
+
+double rl_word_flip_bits(struct rl_case *judged, double too_much)
 {
     struct rl_bits *bits = &judged->bits;
-    struct rl_window *window = judged->window;
-    const struct rl_transmission *transmission = &judged->verdict.transmission;
-    float second = 0.0f; /* of the packet's second bit, which is dark */
-    for (int bit = bits->count - 1; bit >= 0; bit--) {
-        if (bit < bits->silent) {
-            /* A dark bit in the silence is not tried: it changes about as much as in the packet. */
-            bits->flipped[bit] = second;
-        } else {
-            const int of = rl_bit_of(bits->first + bit - bits->silent);
-            struct rl_transmission other = *transmission;
-            other.bits ^= rl_packet_bit(of);
-            bits->flipped[bit] = (float)(rl_window_try(window, &other) - judged->own);
-            second = of == 1 ? bits->flipped[bit] : second;
-        }
-    }
-}
-
-double rl_word_sequence(const struct rl_case *judged)
-{
-    double best = -INFINITY;
-    for (int i = 0; i < judged->hits->sequences; i++) {
-        struct rl_transmission any = judged->hits->sequence[i];
-        best = fmax(best, rl_window_refine(judged->window, &any, judged->half_bits));
-    }
-    return best;
-}
-
-double rl_word_flip_bits(struct rl_case *judged)
-{
-    const struct rl_bits *bits = &judged->bits;
-    const double enough = 3.0 * judged->thresholds->word;
+    float *flipped = bits->flipped + bits->silent;
     struct rl_transmission best = judged->verdict.transmission;
     double better = 0.0;
-    float first[RL_PACKET_BITS]; /* of each bit of the packet */
-    flip_bits(judged);
-    for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        first[rl_bit_of(bits->first + bit)] = bits->flipped[bits->silent + bit];
-    }
-    for (int round = 0; round < FLIPS && better < enough; round++) {
-        uint32_t flipped = 0;
-        for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            if (round > 0 && first[bit] <= -(float)RL_MAX_MARGIN) {
+    for (int round = 0; round < FLIPS && better <= too_much; round++) {
+        uint32_t best_flip = 0;
+        for (int bit = 0; bit < RL_PACKET_BITS && better <= too_much; bit++) {
+            float *alone = &flipped[rl_bit_of(bit - bits->first)];
+            if (round > 0 && *alone <= -(float)RL_MAX_MARGIN) {
                 continue;
             }
             struct rl_transmission other = best;
             other.bits ^= rl_packet_bit(bit);
-            const double gained = round == 0
-                                      ? (double)first[bit]
-                                      : rl_window_try(judged->window, &other) - judged->own;
+            const double gained = rl_window_try(judged->window, &other) - judged->own;
+            *alone = round == 0 ? (float)gained : *alone;
             if (gained > better) {
                 better = gained;
-                flipped = rl_packet_bit(bit);
+                best_flip = rl_packet_bit(bit);
             }
         }
-        if (flipped == 0) {
+        best.bits ^= best_flip;
+        if (best_flip == 0) {
             break;
         }
-        best.bits ^= flipped;
+    }
+    /* A dark bit in the silence is not tried: it changes about as much as the packet's second bit,
+     * which is dark.
+     */
+    for (int bit = 0; bit < bits->silent; bit++) {
+        bits->flipped[bit] = flipped[rl_bit_of(1 - bits->first)];
     }
     return better;
 }

@@ -21,14 +21,17 @@ static const double COST_OF_BIT = 1.5;
 
 /* A clock: when bits begin, and how long they are. */
 struct clock {
-    double begin_s, bit_s;
+    float nats; /* about, the log likelihood */
     int bits;
-    double cost; /* about, less the log likelihood [nats] */
+    double begin_s, bit_s;
 };
 
-/* A window, the mean of its dark and its bright level, and half of the step between them. */
+/* A window, the zone of it that sees most, the mean of its dark and its bright level, and half of
+ * the step between them.
+ */
 struct slicer {
     struct rl_window *window;
+    const struct rl_window *seen;
     float middle, half;
     float beyond[MAX_BITS]; /* sum over the samples of each bit, less the middle level */
 };
@@ -36,7 +39,7 @@ struct slicer {
 /* Of the packet that was tried last. */
 static struct slicer slicer_of(struct rl_window *window)
 {
-    const struct rl_column column = window->column;
+    const struct rl_column column = window->strongest->column;
     float level[2] = {0.0f, 0.0f}, count[2] = {1e-9f, 1e-9f};
     for (int row = 0; row < window->rows; row++) {
         const int bright = window->light[row] > 0.5;
@@ -45,13 +48,16 @@ static struct slicer slicer_of(struct rl_window *window)
     }
     level[0] /= count[0];
     level[1] /= count[1];
-    return (struct slicer){window, (level[0] + level[1]) / 2, (level[1] - level[0]) / 2, {0.0f}};
+    return (struct slicer){.window = window,
+                           .seen = window->strongest,
+                           .middle = (level[0] + level[1]) / 2,
+                           .half = (level[1] - level[0]) / 2};
 }
 
 /* Sort the samples into the bits of a clock, and give each bit the nearer level. */
 static void slice(struct slicer *slicer, struct clock *clock)
 {
-    const struct rl_window *window = slicer->window;
+    const struct rl_window *window = slicer->seen;
     const float half = slicer->half;
     const float least = (float)window->whitened.least;
     const double per_s = 1.0 / clock->bit_s;
@@ -73,8 +79,8 @@ static void slice(struct slicer *slicer, struct clock *clock)
     for (int bit = 0; bit < clock->bits; bit++) {
         squares -= 2.0f * half * fabsf(slicer->beyond[bit]);
     }
-    clock->cost = 0.5 * (double)(count * logf(fmaxf(squares, count * least))) +
-                  COST_OF_BIT * clock->bits;
+    clock->nats = -0.5f * count * logf(fmaxf(squares, count * least)) -
+                  (float)COST_OF_BIT * (float)clock->bits;
 }
 
 /* Log likelihood of the bits that a clock shows. */
@@ -92,7 +98,7 @@ static double try_clock(struct slicer *slicer, struct clock *clock)
         }
         window->light[row] = bright / (to - from);
     }
-    return rl_window_try_light(window);
+    return rl_window_fit(window, window->light);
 }
 
 double rl_clock_excess(struct rl_window *window, const struct rl_transmission *transmission,
@@ -102,29 +108,21 @@ double rl_clock_excess(struct rl_window *window, const struct rl_transmission *t
     struct slicer slicer = slicer_of(window);
     struct clock best[RL_TRIED];
     double excess = -INFINITY;
+    int count = 0;
     const double usual_s = (window->min_bit_s + window->max_bit_s) / 2;
     const double begin_s = window->begin_s[0];
-    for (int i = 0; i < RL_TRIED; i++) {
-        best[i] = (struct clock){.bit_s = usual_s, .begin_s = begin_s, .cost = INFINITY};
-    }
     for (double ratio = MIN_RATIO; ratio <= MAX_RATIO; ratio *= STEP) {
         /* Periods near ours are ours. */
         for (int phase = 0; phase < RL_PHASES && fabs(ratio - 1.0) > 1.5 * RL_MAX_SKEW; phase++) {
             struct clock clock = {.bit_s = ratio * usual_s};
             clock.begin_s = begin_s - phase * clock.bit_s / RL_PHASES;
             slice(&slicer, &clock);
-            for (int i = 0; i < RL_TRIED; i++) {
-                if (clock.cost < best[i].cost) {
-                    const struct clock worse = best[i];
-                    best[i] = clock;
-                    clock = worse;
-                }
-            }
+            rl_keep_best(best, &count, RL_TRIED, &clock, sizeof clock);
         }
     }
     const double end_s = window->end_s[window->rows - 1];
     const double ours = (end_s - begin_s) / transmission->bit_s;
-    for (int i = 0; i < RL_TRIED; i++) {
+    for (int i = 0; i < count; i++) {
         const double likelihood = try_clock(&slicer, &best[i]);
         excess = fmax(excess, likelihood - own - COST_OF_BIT * fmax(best[i].bits - ours, 0.0));
     }
@@ -149,8 +147,9 @@ double rl_clock_period_excess(struct rl_window *window, const struct rl_transmis
     const int oldest = rl_samples_oldest(samples), rows = samples->count - oldest;
     const double bit_rows = transmission->bit_s / samples->period_s;
     const double packet_rows = RL_PACKET_BITS * bit_rows;
-    const struct rl_column column =
-        rl_target_column(samples, window->channel, oldest, rows, window->is_dimmer, &window->room);
+    rl_window_try(window, transmission);
+    const struct rl_column column = rl_target_column(samples, window->strongest->channel, oldest,
+                                                     rows, window->is_dimmer, &window->room);
     float *signal = window->room.signal;
     memmove(signal, column.signal, (size_t)rows * sizeof *signal);
     const int block = (int)packet_rows + 1;

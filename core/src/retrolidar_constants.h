@@ -14,7 +14,8 @@ enum {
     RL_LOOK_BITS = 4, /* between two searches of a stretch; fewer bits tell nothing */
     /* Parts of a packet: a marker may appear or vanish between two. */
     RL_PARTS = (RL_PACKET_BITS + RL_LOOK_BITS - 1) / RL_LOOK_BITS,
-    /* After a reading a marker may have sent the next packet within this time. */
+    RL_KNOTS = RL_PARTS - 1, /* of a gain that changes */
+    /* A packet that ended longer ago is not subtracted: its marker has sent another one since. */
     RL_CONTINUES_BITS = RL_PACKET_BITS + RL_LOOK_BITS / 2,
 };
 

@@ -51,7 +51,6 @@ static bool has_repeated(const struct rl_case *judged, double begin_s)
     rl_window_open(window, verdict->channel, verdict->is_dimmer, from_s, judged->to_s);
     const double longer = rl_window_try(window, &verdict->transmission) - rl_window_null(window);
     rl_window_open(window, verdict->channel, verdict->is_dimmer, begin_s, judged->to_s);
-    rl_window_try(window, &verdict->transmission);
     return longer > MIN_LONGER * verdict->evidence - RL_AS_GOOD;
 }
 
@@ -170,21 +169,27 @@ static double price_of_start(const struct rl_case *judged)
     return is_among_others(judged) && !judged->is_expected ? RL_COST_OF_CHANCE : 0.0;
 }
 
-/* The threshold of the word statistic. The statistic of the packet before counts, too: bits that
- * explain both packets a little better are what is sent. If enough bits are unknown, any sequence
- * looks like a word, so each lowers the threshold; by twice as much if the marker has just
- * appeared, as it is judged with each bit again. With few registered IDs, or if the packet was
- * expected, more bits may be unknown. Half of the preamble must be known.
+/* The threshold of the word statistic if all bits are known. The statistic of the packet before
+ * counts, too: bits that explain both packets a little better are what is sent.
  */
 static double max_word_of(const struct rl_case *judged)
+{
+    return judged->thresholds->word + saved_start(judged) - 0.5 * price_of_start(judged) -
+           judged->word_before;
+}
+
+/* What unknown bits take from the threshold. If enough bits are unknown, any sequence looks like a
+ * word, so each lowers the threshold; by twice as much if the marker has just appeared, as it is
+ * judged with each bit again. With few registered IDs, or if the packet was expected, more bits may
+ * be unknown. Half of the preamble must be known.
+ */
+static double price_of_unknown_bits(const struct rl_case *judged)
 {
     const double spare = judged->follows ? RL_PACKET_BITS : spare_bits(judged->codebook);
     const double preamble = unknown_bits(&judged->bits, RL_PREAMBLE_BITS) - spare;
     const double unknown = unknown_bits(&judged->bits, RL_PACKET_BITS) - spare;
     const double price = judged->is_new ? price_of_new_bit() : log(2.0);
-    const double max_word = judged->thresholds->word + saved_start(judged) -
-                            0.5 * price_of_start(judged) - judged->word_before;
-    return 2.0 * preamble > RL_PREAMBLE_BITS ? -INFINITY : max_word - price * fmax(unknown, 0.0);
+    return 2.0 * preamble > RL_PREAMBLE_BITS ? INFINITY : price * fmax(unknown, 0.0);
 }
 
 static bool is_word(struct rl_case *judged)
@@ -193,13 +198,18 @@ static bool is_word(struct rl_case *judged)
     const struct rl_transmission *transmission = &verdict->transmission;
     const double since_bits = (judged->to_s - transmission->start_s) / transmission->bit_s;
     const int begin = transmission->repeats ? rl_bit_of((int)floor(since_bits + 0.5)) : 0;
+    double max_word = max_word_of(judged);
     judged->bits = rl_bits_cut(transmission, begin, judged->silent_bits);
-    verdict->word = rl_word_flip_bits(judged);
-    verdict->word = fmax(verdict->word, rl_word_sequence(judged) - judged->own);
+    verdict->word = rl_word_flip_bits(judged, max_word);
+    if (verdict->word > max_word) {
+        return false; /* and not all flipped bits have been tried */
+    }
+    max_word -= price_of_unknown_bits(judged);
+    verdict->word = fmax(verdict->word, rl_word_sequence(judged, max_word));
     if (verdict->packets > 1) {
         verdict->word = fmax(verdict->word, rl_word_packets(judged));
     }
-    return verdict->word <= max_word_of(judged);
+    return verdict->word <= max_word;
 }
 
 /* The decision margin, less its price among others: there, other bits that explain more may be

@@ -47,7 +47,7 @@ struct rl_bits {
     int first;      /* which bit of the packet follows the silence */
     double begin_s; /* of the first of all [s] */
     bool dark[RL_MAX_BITS];
-    bool dark_before, dark_after; /* the first and the last */
+    bool dark_before, dark_after; /* of the bit before the first, and of that after the last */
     /* Log likelihood with this bit flipped, less that without. */
     float flipped[RL_MAX_BITS];
 };
@@ -91,13 +91,13 @@ bool rl_observation_is_erased(const struct rl_case *judged);
 /* Cut a window into the bits of a packet. */
 struct rl_bits rl_bits_cut(const struct rl_transmission *transmission, int first, int silent);
 
-/* Log likelihood of the best sequence of bits that the search has found. */
-double rl_word_sequence(const struct rl_case *judged);
-
 /* Flip the bits of the packet. Return by how much the best sequence that differs in a few bits is
- * likelier; the search ends once that is clearly too much [nats].
+ * likelier [nats]; the search ends once that is too much.
  */
-double rl_word_flip_bits(struct rl_case *judged);
+double rl_word_flip_bits(struct rl_case *judged, double too_much);
+
+/* The same of the sequences of bits that the search has found. */
+double rl_word_sequence(const struct rl_case *judged, double too_much);
 
 /* The same for packets that repeat, if each has bits of its own. */
 double rl_word_packets(const struct rl_case *judged);

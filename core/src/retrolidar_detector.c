@@ -19,8 +19,7 @@ static void start(struct rl_detector *detector, struct rl_memory *memory)
         rl_window_start(&detector->other_zone[i], samples, memory);
     }
     detector->window.other = detector->other_zone;
-    /* Packets are subtracted while none is judged, so that shares a window. */
-    rl_residual_start(&detector->residual, samples, detector->other_zone, memory);
+    detector->saved = rl_take(memory, samples->channels * rows, sizeof *detector->saved);
     detector->other = rl_take(memory, RL_MAX_OTHERS * rows, sizeof *detector->other);
     detector->values = rl_take(memory, rows, sizeof *detector->values);
     detector->role = rl_take(memory, rows, 1);
@@ -31,7 +30,7 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
 {
     rl_samples_clear(&detector->samples, stamp_ns);
     detector->pool.count = 0;
-    detector->searched_s = -INFINITY;
+    detector->newest_s = -INFINITY;
     detector->read_anew = 0;
     detector->read_from_s = INFINITY;
     detector->search.frames_a_bit = 0.0;

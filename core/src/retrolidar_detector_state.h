@@ -34,14 +34,6 @@ struct rl_pool {
     struct rl_active_track track[RL_POOL];
 };
 
-/* To subtract packets from samples, and to restore these. */
-struct rl_residual {
-    struct rl_samples *samples;
-    struct rl_window *window; /* in which packets are fitted */
-    float *saved; /* signals of each channel, before packets were subtracted */
-    int first;    /* row from which they were saved */
-};
-
 /* What a search has found in a channel, not judged yet. */
 struct rl_pending {
     int channel, packets;
@@ -54,16 +46,17 @@ struct rl_detector {
     struct rl_samples samples;
     struct rl_search search;
     struct rl_window window, other_zone[RL_SUMMED - 1];
-    struct rl_residual residual;
     struct rl_pool pool;
     struct rl_bearing_table bearing;
+    float *saved;  /* signals of each channel, before packets were subtracted ... */
+    int saved_row; /* ... from this row on */
     float *values; /* room for placing, of a row each ... */
     uint8_t *role;
     double *other; /* ... and of RL_MAX_OTHERS rows */
     char *memory;  /* of all arrays */
     struct rl_counts counts;
     int64_t last_ns;
-    double searched_s; /* end of the newest frame that was searched */
+    double newest_s; /* end of the newest frame that is searched */
     /* Nats that a hit must have, and by which any bits may be better than a hit. */
     double min_nats, max_llr_deficit;
     double consumed_until_s[RL_MAX_CHANNELS]; /* end of the last packet read in each */
@@ -74,8 +67,8 @@ struct rl_detector {
     int readings, decisions_left;
     struct rl_reading reading[RL_READINGS];
     int candidates;
-    struct rl_verdict candidate[2 * RL_DECISIONS];
-    struct rl_hits hits[RL_MAX_CHANNELS], behind;
+    struct rl_verdict candidate[2 * RL_DECISIONS]; /* that were judged; two of each pair */
+    struct rl_hits hits[RL_MAX_CHANNELS];
     struct rl_pending pending[RL_MAX_PENDING];
     int pendings;
 };
@@ -84,20 +77,19 @@ struct rl_detector {
 void rl_process_frame(struct rl_detector *detector);
 
 /* Judge the best hit of a channel, and what it may hide. */
-void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s);
+void rl_judge(struct rl_detector *detector, const struct rl_pending *pending);
 
 /* Judge packets of any ID that are expected where another one of a marker ends or begins. */
-void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s);
+void rl_judge_expected(struct rl_detector *detector, double from_s);
 
 /* By how much two new packets in a zone are likelier than any others of the same sum, if they begin
  * together [nats]; 0 if their last bits may be still to come.
  */
 double rl_pair_margin(struct rl_detector *detector, const struct rl_verdict *one,
-                      const struct rl_verdict *other, double to_s);
+                      const struct rl_verdict *other);
 
 /* The same of a packet and any known marker that begins its packets together with it. */
-double rl_pair_margin_beside_known(struct rl_detector *detector, const struct rl_verdict *verdict,
-                                   double to_s);
+double rl_pair_margin_beside_known(struct rl_detector *detector, const struct rl_verdict *verdict);
 
 /* Note a packet that is read. The window's interference is the verdict's. */
 void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdict);
@@ -125,33 +117,26 @@ bool rl_pool_has(const struct rl_pool *pool, uint64_t zones, const struct rl_pac
 bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
                      const struct rl_packet_train *packet);
 
-/* List the trains of IDs other than two that some zones may see from one time to another: first
- * those read in these zones, then those read beside them. Trains that ended before `since_s` are
- * left out.
+/* List the trains of IDs other than two that some zones may see: first those read in these zones,
+ * then those read beside them. Trains that ended before `since_s` are left out.
  */
-void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
-                          uint16_t id, uint16_t other_id, struct rl_interference *interference);
+void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, uint16_t id,
+                          uint16_t other_id, struct rl_interference *interference);
 
 /* Zones that saw a train which ended after a time, and the zones beside them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
-
-/* The zones of a channel as a bit mask. */
-uint64_t rl_channel_zones(const struct rl_samples *samples, int channel);
-
-void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
-                       struct rl_window *window, struct rl_memory *memory);
 
 /* Subtract transmissions from the samples of a zone since a time, as far as they are seen there
  * (`retrolidar_interferers.c`). Return the variance of the rest over the newest packet's length,
  * over that of the noise.
  */
-double rl_residual_subtract(struct rl_residual *residual, int zone,
+double rl_residual_subtract(struct rl_detector *detector, int zone,
                             const struct rl_interference *interference, double from_s);
 
 /* Sum the zones of a channel anew, after transmissions were subtracted. Return the same. */
-double rl_residual_sum(struct rl_residual *residual, int channel);
+double rl_residual_sum(struct rl_detector *detector, int channel);
 
 /* Put the samples of a channel back. */
-void rl_residual_restore(struct rl_residual *residual, int channel);
+void rl_residual_restore(struct rl_detector *detector, int channel);
 
 #endif

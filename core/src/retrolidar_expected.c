@@ -12,34 +12,34 @@
  * judge it. As no start is chosen among many, it needs less evidence.
  */
 static void judge_any(struct rl_detector *detector, int zone,
-                      const struct rl_packet_train *expected, double to_s)
+                      const struct rl_packet_train *expected)
 {
     const double bit_s = expected->transmission.bit_s, end_s = expected->end_s;
     const double phase_s = bit_s / RL_PHASES;
     struct rl_pending pending = {.channel = zone, .packets = 1, .since_s = -INFINITY};
     struct rl_interference interference;
-    rl_pool_interference(&detector->pool, (uint64_t)1 << zone, expected->begin_s, to_s, 0, 0,
+    rl_pool_interference(&detector->pool, (uint64_t)1 << zone, expected->begin_s, 0, 0,
                          &interference);
-    rl_residual_subtract(&detector->residual, zone, &interference,
+    rl_residual_subtract(detector, zone, &interference,
                          expected->begin_s - RL_SILENT_BITS * bit_s);
     const struct rl_sought sought = {.from_s = end_s - phase_s,
-                                     .to_s = fmin(end_s + phase_s, to_s),
+                                     .to_s = fmin(end_s + phase_s, detector->newest_s),
                                      .since_s = -INFINITY,
                                      .least = detector->min_nats - RL_COST_OF_CHANCE,
                                      .max_llr_deficit = detector->max_llr_deficit};
     rl_search_channels(&detector->search, &sought, &zone, 1, &pending.hits);
-    rl_residual_restore(&detector->residual, zone);
+    rl_residual_restore(detector, zone);
     for (int i = 0; i < pending.hits.count; i++) {
         struct rl_transmission *found = &pending.hits.hit[i].transmission;
         found->start_s = expected->transmission.start_s;
         found->bit_s = bit_s;
     }
     if (pending.hits.count > 0) {
-        rl_judge(detector, &pending, to_s);
+        rl_judge(detector, &pending);
     }
 }
 
-void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s)
+void rl_judge_expected(struct rl_detector *detector, double from_s)
 {
     const struct rl_pool *pool = &detector->pool;
     const struct rl_samples *samples = &detector->samples;
@@ -57,10 +57,10 @@ void rl_judge_expected(struct rl_detector *detector, double from_s, double to_s)
             for (int tried = 0; tried < RL_TRIED; tried++) {
                 const double at_s =
                     expected.end_s + tried * (packet_s + RL_LOOK_BITS * packet.bit_s);
-                if (at_s > from_s && at_s <= to_s && packet.start_s >= held_s &&
+                if (at_s > from_s && at_s <= detector->newest_s && packet.start_s >= held_s &&
                     detector->decisions_left > 0 &&
                     !rl_pool_has(pool, track.zones, &expected)) {
-                    judge_any(detector, track.zone, &expected, to_s);
+                    judge_any(detector, track.zone, &expected);
                 }
             }
         }

@@ -65,11 +65,8 @@ bool rl_followed_agrees(const struct rl_followed *followed, const struct rl_samp
 static void predict_light(struct rl_followed *followed, const struct rl_samples *samples, int row)
 {
     struct rl_transmission *transmission = &followed->transmission;
-    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
     const double begin_s = samples->begin_s[row], end_s = samples->end_s[row];
-    if (begin_s - transmission->start_s > packet_s) {
-        transmission->start_s += packet_s * floor((begin_s - transmission->start_s) / packet_s);
-    }
+    transmission->start_s = fmax(transmission->start_s, rl_last_start(transmission, begin_s));
     const double begins_s[] = {begin_s - EDGE_S, begin_s, begin_s + EDGE_S};
     const double ends_s[] = {end_s - EDGE_S, end_s, end_s + EDGE_S};
     double light[3];

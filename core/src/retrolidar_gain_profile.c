@@ -26,29 +26,52 @@ static double knots_a_row(int rows)
     return rows > 1 ? (RL_KNOTS - 1.0) / (rows - 1) : 0.0;
 }
 
-/* Solve a symmetric positive system in place, by Cholesky's factors, of its lower triangle. */
-static void solve(double matrix[RL_KNOTS][RL_KNOTS], double right[RL_KNOTS])
+typedef double (*rl_matrix)[RL_KNOTS][RL_WALK_LANES];
+
+/* Subtract products of two, of every walk. */
+static void subtract(double *from, const double *a, const double *b)
+{
+    for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+        from[walk] -= a[walk] * b[walk];
+    }
+}
+
+static void divide(double *number, const double *by)
+{
+    for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+        number[walk] /= by[walk];
+    }
+}
+
+/* Solve symmetric positive systems in place, by Cholesky's factors, of their lower triangles. */
+static void solve(rl_matrix matrix, double (*right)[RL_WALK_LANES])
 {
     for (int i = 0; i < RL_KNOTS; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = matrix[i][j];
+        for (int j = 0; j < i; j++) {
             for (int k = 0; k < j; k++) {
-                sum -= matrix[i][k] * matrix[j][k];
+                subtract(matrix[i][j], matrix[i][k], matrix[j][k]);
             }
-            matrix[i][j] = i == j ? sqrt(fmax(sum, 1e-12)) : sum / matrix[j][j];
+            divide(matrix[i][j], matrix[j][j]);
+        }
+        for (int k = 0; k < i; k++) {
+            subtract(matrix[i][i], matrix[i][k], matrix[i][k]);
+        }
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            const double square = matrix[i][i][walk];
+            matrix[i][i][walk] = sqrt(square > 1e-12 ? square : 1e-12);
         }
     }
     for (int i = 0; i < RL_KNOTS; i++) {
         for (int k = 0; k < i; k++) {
-            right[i] -= matrix[i][k] * right[k];
+            subtract(right[i], matrix[i][k], right[k]);
         }
-        right[i] /= matrix[i][i];
+        divide(right[i], matrix[i][i]);
     }
     for (int i = RL_KNOTS - 1; i >= 0; i--) {
         for (int k = i + 1; k < RL_KNOTS; k++) {
-            right[i] -= matrix[k][i] * right[k];
+            subtract(right[i], matrix[k][i], right[k]);
         }
-        right[i] /= matrix[i][i];
+        divide(right[i], matrix[i][i]);
     }
 }
 
@@ -58,44 +81,71 @@ double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows)
     return (1.0 - at.beyond) * gain[at.knot] + at.beyond * gain[at.knot + 1];
 }
 
-double rl_knot_weight(int knot, int row, int rows)
+void rl_light_on_knot(int knot, const double *light, int rows, double *part)
 {
-    return fmax(1.0 - fabs(row * knots_a_row(rows) - knot), 0.0);
+    const double density = knots_a_row(rows);
+    for (int row = 0; row < rows; row++) {
+        const double away = fabs(row * density - knot);
+        part[row] = away < 1.0 ? light[row] * (1.0 - away) : 0.0;
+    }
+}
+
+/* Lay out the systems of the knots that are used; gains of others are zero. */
+static void lay_out(const struct rl_knot_products *products, bool (*is_used)[RL_WALK_LANES],
+                    rl_matrix matrix, double (*gain)[RL_WALK_LANES])
+{
+    for (int i = 0; i < RL_KNOTS; i++) {
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            gain[i][walk] = is_used[i][walk] ? products->right[i][walk] : 0.0;
+        }
+        for (int j = 0; j <= i; j++) {
+            for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+                const bool is_both = is_used[i][walk] && is_used[j][walk];
+                const double product = is_both ? products->normal[i][j][walk] : i == j;
+                matrix[i][j][walk] = product * (i == j ? 1.0 + RIDGE : 1.0);
+            }
+        }
+    }
+}
+
+/* Leave out the most negative gain of each walk; return whether there is any. */
+static bool drop_negative(const double (*gain)[RL_WALK_LANES], bool (*is_used)[RL_WALK_LANES])
+{
+    bool is_any = false;
+    for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+        int worst = 0;
+        for (int i = 1; i < RL_KNOTS; i++) {
+            worst = gain[i][walk] < gain[worst][walk] ? i : worst;
+        }
+        if (gain[worst][walk] < 0.0) {
+            is_used[worst][walk] = false;
+            is_any = true;
+        }
+    }
+    return is_any;
 }
 
 /* An active set: if gains may not be negative, the most negative one becomes zero until there is
  * none.
  */
-double rl_knots_solve(double normal[RL_KNOTS][RL_KNOTS], const double right[RL_KNOTS],
-                      bool may_darken, double gain[RL_KNOTS])
+void rl_knots_solve(const struct rl_knot_products *products, bool may_darken,
+                    double gain[RL_KNOTS][RL_WALK_LANES], double explained[RL_WALK_LANES])
 {
-    bool is_used[RL_KNOTS];
+    double matrix[RL_KNOTS][RL_KNOTS][RL_WALK_LANES];
+    bool is_used[RL_KNOTS][RL_WALK_LANES];
     for (int i = 0; i < RL_KNOTS; i++) {
-        is_used[i] = normal[i][i] > RL_NO_ENERGY;
-    }
-    for (int worst = 0; worst >= 0;) {
-        double matrix[RL_KNOTS][RL_KNOTS];
-        for (int i = 0; i < RL_KNOTS; i++) {
-            gain[i] = is_used[i] ? right[i] : 0.0;
-            for (int j = 0; j <= i; j++) {
-                matrix[i][j] = is_used[i] && is_used[j] ? normal[i][j] : i == j;
-            }
-            matrix[i][i] *= 1.0 + RIDGE;
+        for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+            is_used[i][walk] = products->normal[i][i][walk] > RL_NO_ENERGY;
         }
+    }
+    do {
+        lay_out(products, is_used, matrix, gain);
         solve(matrix, gain);
-        worst = -1;
+    } while (!may_darken && drop_negative((const double (*)[RL_WALK_LANES])gain, is_used));
+    for (int walk = 0; walk < RL_WALK_LANES; walk++) {
+        explained[walk] = 0.0;
         for (int i = 0; i < RL_KNOTS; i++) {
-            if (!may_darken && gain[i] < 0.0 && (worst < 0 || gain[i] < gain[worst])) {
-                worst = i;
-            }
-        }
-        if (worst >= 0) {
-            is_used[worst] = false;
+            explained[walk] += gain[i][walk] * products->right[i][walk];
         }
     }
-    double explained = 0.0;
-    for (int i = 0; i < RL_KNOTS; i++) {
-        explained += gain[i] * right[i];
-    }
-    return explained;
 }

@@ -8,12 +8,19 @@
 #define RETROLIDAR_GAIN_PROFILE_H
 
 #include "retrolidar_constants.h"
+#include "retrolidar_whitened.h"
 
 #include <stdbool.h>
 
 /* A template of less energy is constant in the window. */
 static const double RL_NO_ENERGY = 1e-9;
-enum { RL_KNOTS = RL_PARTS - 1 };
+
+/* Products of the light on each two knots, of which the lower triangle is used, and with the
+ * signal, for every walk.
+ */
+struct rl_knot_products {
+    double normal[RL_KNOTS][RL_KNOTS][RL_WALK_LANES], right[RL_KNOTS][RL_WALK_LANES];
+};
 
 /* What a gain that changes must explain besides a steady one [nats]. */
 static inline double rl_price_of_profile(void)
@@ -24,16 +31,15 @@ static inline double rl_price_of_profile(void)
 /* The gain in a row. */
 double rl_gain_profile_at(const double gain[RL_KNOTS], int row, int rows);
 
-/* How much of the light of a row is on a knot, 0 to 1. */
-double rl_knot_weight(int knot, int row, int rows);
+/* The part of the light of each row that is on a knot. */
+void rl_light_on_knot(int knot, const double *light, int rows, double *part);
 
-/* Least squares. Return by how much the gains lower the squares.
+/* Least squares, for every walk.
  *
- * normal: products of the light on each two knots, the lower triangle
- * right: products with the signal
  * may_darken: whether gains may be negative
+ * explained: becomes by how much the gains lower the squares
  */
-double rl_knots_solve(double normal[RL_KNOTS][RL_KNOTS], const double right[RL_KNOTS],
-                      bool may_darken, double gain[RL_KNOTS]);
+void rl_knots_solve(const struct rl_knot_products *products, bool may_darken,
+                    double gain[RL_KNOTS][RL_WALK_LANES], double explained[RL_WALK_LANES]);
 
 #endif

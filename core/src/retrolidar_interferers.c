@@ -30,12 +30,29 @@ struct marker {
     double gain; /* of what was read */
 };
 
-/* Lay the light of an interferer into the window's. */
+/* Lay the light of all trains of an interferer into the window's; it is bright elsewhere. */
 static void lay(struct rl_window *window, const struct interferer *one)
 {
-    rl_interference_light(&window->interference, one->marker,
-                          one->form == CONTINUES || one->continues, window->begin_s, window->end_s,
-                          window->rows, window->part, window->light);
+    const struct rl_interference *interference = &window->interference;
+    const bool continues = one->form == CONTINUES || one->continues;
+    int last = one->marker;
+    for (int i = one->marker + 1; i < interference->count; i++) {
+        if (interference->marker[i] == one->marker &&
+            interference->train[i].end_s > interference->train[last].end_s) {
+            last = i;
+        }
+    }
+    for (int i = one->marker; i < interference->count; i++) {
+        if (interference->marker[i] != one->marker) {
+            continue;
+        }
+        const bool is_first = i == one->marker;
+        rl_train_light(&interference->train[i], continues && i == last, window->begin_s,
+                       window->end_s, window->rows, is_first ? window->light : window->part);
+        for (int row = 0; !is_first && row < window->rows; row++) {
+            window->light[row] *= window->part[row];
+        }
+    }
     for (int row = 0; one->form == CHANGES && row < window->rows; row++) {
         window->light[row] *= rl_gain_profile_at(one->gain, row, window->rows);
     }

@@ -21,13 +21,13 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
  */
 static int sum_of(const struct rl_samples *samples, int channel)
 {
-    const uint64_t zones = rl_channel_zones(samples, channel);
+    const uint64_t zones = samples->channel[channel].mask;
     double most = 0.0;
     int best = channel;
     for (int sum = samples->zones; sum < samples->channels; sum++) {
         const double varies = sum == channel ? INFINITY : rl_noise_variation(samples, sum);
         if (samples->channel[sum].zones == RL_SUMMED && varies > most &&
-            (rl_channel_zones(samples, sum) & zones) != 0) {
+            (samples->channel[sum].mask & zones) != 0) {
             most = varies;
             best = sum;
         }
@@ -48,8 +48,8 @@ static void decide_by_zone(struct rl_detector *detector, struct rl_case *judged,
         return;
     }
     judged->verdict.channel = sum;
-    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, sum), since_s,
-                         judged->to_s, verdict->id, verdict->id, &window->interference);
+    rl_pool_interference(&detector->pool, detector->samples.channel[sum].mask, since_s,
+                         verdict->id, verdict->id, &window->interference);
     window->by_zone = true;
     const struct rl_verdict again = rl_decide(judged);
     window->by_zone = false;
@@ -61,17 +61,19 @@ static void decide_by_zone(struct rl_detector *detector, struct rl_case *judged,
     window->others = 0;
 }
 
-/* Judge a hit, beside another packet if `beside` is not NULL. */
-static struct rl_verdict decide_as_found(struct rl_detector *detector, int channel, int packets,
-                                         const struct rl_hit *hit, const struct rl_hits *hits,
-                                         const struct rl_verdict *beside, double to_s)
+/* Judge a hit of those of a channel, beside another packet if `beside` is not NULL. */
+static struct rl_verdict decide_as_found(struct rl_detector *detector,
+                                         const struct rl_pending *pending,
+                                         const struct rl_hit *hit, const struct rl_verdict *beside)
 {
+    const int channel = pending->channel;
+    const int packets = hit->transmission.repeats ? pending->packets : 1;
     struct rl_thresholds thresholds = detector->settings.thresholds;
     struct rl_interference *interference = &detector->window.interference;
     if (hit->transmission.repeats && packets < detector->settings.max_packets) {
         thresholds.margin = thresholds.margin_of_more;
     }
-    const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s;
+    const double packet_s = RL_PACKET_BITS * hit->transmission.bit_s, to_s = detector->newest_s;
     const double active_s = detector->active_s[channel < detector->samples.zones ? channel : 0];
     const double since_s =
         packets == 1 && channel < detector->samples.zones && active_s < to_s ? active_s : -INFINITY;
@@ -81,8 +83,8 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .begin_s = transmission->repeats ? to_s - packets * packet_s : transmission->start_s,
         .end_s = transmission->repeats ? to_s : transmission->start_s + packet_s};
     /* A marker that was read up to three packets before may still be sending. */
-    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
-                         train.begin_s - 3.0 * packet_s, to_s, hit->id, hit->id, interference);
+    rl_pool_interference(&detector->pool, detector->samples.channel[channel].mask,
+                         train.begin_s - 3.0 * packet_s, hit->id, hit->id, interference);
     if (beside != NULL) {
         add_beside(interference, beside);
     }
@@ -91,14 +93,14 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         .window = &detector->window,
         .codebook = &detector->search.codebook,
         .thresholds = &thresholds,
-        .hits = hits,
+        .hits = &pending->hits,
         .consumed_until_s = detector->consumed_until_s[channel],
         .since_s = since_s,
         .to_s = to_s,
         .follows = before != NULL,
         .is_expected = before != NULL ||
                        rl_pool_expects(&detector->pool,
-                                       rl_channel_zones(&detector->samples, channel), &train),
+                                       detector->samples.channel[channel].mask, &train),
         .word_before = before != NULL ? before->word : 0.0,
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };
@@ -110,9 +112,6 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
         judged = given;
         decide_by_zone(detector, &judged, train.begin_s - 3.0 * packet_s, &verdict);
     }
-    if (detector->candidates < 2 * RL_DECISIONS) {
-        detector->candidate[detector->candidates++] = verdict;
-    }
     return verdict;
 }
 
@@ -120,49 +119,44 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector, int chann
 static struct rl_hit last_ended(const struct rl_verdict *verdict, double to_s)
 {
     const struct rl_transmission *transmission = &verdict->transmission;
-    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
-    const double packets = floor((to_s - transmission->start_s) / packet_s) - 1.0;
     struct rl_hit hit = {(float)verdict->evidence, verdict->id, *transmission};
     hit.transmission.repeats = false;
-    hit.transmission.start_s += packets * packet_s;
+    hit.transmission.start_s =
+        rl_last_start(transmission, to_s - RL_PACKET_BITS * transmission->bit_s);
     return hit;
 }
 
 /* Judge a hit. If a stretch may not repeat, judge the last packet that ended in it. */
-static struct rl_verdict decide(struct rl_detector *detector, int channel, int packets,
-                                const struct rl_hit *hit, const struct rl_hits *hits,
-                                const struct rl_verdict *beside, double to_s)
+static struct rl_verdict decide(struct rl_detector *detector, const struct rl_pending *pending,
+                                const struct rl_hit *hit, const struct rl_verdict *beside)
 {
-    const struct rl_verdict verdict =
-        decide_as_found(detector, channel, packets, hit, hits, beside, to_s);
+    const struct rl_verdict verdict = decide_as_found(detector, pending, hit, beside);
     if (verdict.reason != RL_INCOMPLETE || !hit->transmission.repeats) {
         return verdict;
     }
-    const struct rl_hit ended = last_ended(&verdict, to_s);
+    const struct rl_hit ended = last_ended(&verdict, detector->newest_s);
     const double start_s = ended.transmission.start_s;
     return rl_is_known(detector, ended.id, start_s,
                        start_s + RL_PACKET_BITS * ended.transmission.bit_s)
                ? verdict
-               : decide_as_found(detector, channel, 1, &ended, hits, beside, to_s);
+               : decide_as_found(detector, pending, &ended, beside);
 }
 
 /* Subtract a packet and those read before from a zone, and search the rest, if it varies by more
- * than noise.
+ * than noise. Return what is found.
  */
-static void search_without(struct rl_detector *detector, const struct rl_verdict *one, double to_s,
-                           struct rl_hits *hits)
+static struct rl_pending search_without(struct rl_detector *detector, const struct rl_verdict *one)
 {
     struct rl_interference interference;
+    struct rl_pending found = {one->channel, one->packets, -INFINITY, {.count = 0}};
     const int channel = one->channel, packets = one->packets;
-    const double packet_s = RL_PACKET_BITS * detector->settings.bit_s;
-    const double from_s =
-        to_s - RL_SEARCH_BITS * detector->settings.bit_s - (packets - 1) * packet_s;
-    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, channel),
-                         to_s - RL_CONTINUES_BITS * detector->settings.bit_s, to_s, one->id,
-                         one->id, &interference);
+    const double bit_s = detector->settings.bit_s, packet_s = RL_PACKET_BITS * bit_s;
+    const double to_s = detector->newest_s;
+    const double from_s = to_s - RL_SEARCH_BITS * bit_s - (packets - 1) * packet_s;
+    rl_pool_interference(&detector->pool, detector->samples.channel[channel].mask,
+                         to_s - RL_CONTINUES_BITS * bit_s, one->id, one->id, &interference);
     add_beside(&interference, one);
-    const double rest = rl_residual_subtract(&detector->residual, channel, &interference, from_s);
-    hits->count = 0;
+    const double rest = rl_residual_subtract(detector, channel, &interference, from_s);
     if (rest > RL_ACTIVE) {
         const struct rl_sought sought = {.packets = packets,
                                          .from_s = to_s,
@@ -170,45 +164,43 @@ static void search_without(struct rl_detector *detector, const struct rl_verdict
                                          .since_s = -INFINITY,
                                          .least = detector->min_nats,
                                          .max_llr_deficit = 2.0 * detector->max_llr_deficit};
-        rl_search_channels(&detector->search, &sought, &channel, 1, hits);
+        rl_search_channels(&detector->search, &sought, &channel, 1, &found.hits);
     }
-    rl_residual_restore(&detector->residual, channel);
+    rl_residual_restore(detector, channel);
+    return found;
 }
 
 /* Look for another packet in the zone of one, as they hide each other: the other is the best one
  * without the first, then the first is sought again without the other, and each is judged with the
  * other one beside it. Return whether both are read.
  */
-static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verdict *one,
+static bool judge_pair(struct rl_detector *detector, struct rl_verdict *one,
                        struct rl_verdict *other)
 {
-    const int channel = one->channel, packets = one->packets;
-    struct rl_hits *hits = &detector->behind, again_hits;
-    search_without(detector, one, to_s, hits);
-    for (int i = 0; i < hits->count && i < RL_TRIED && detector->decisions_left > 0; i++) {
-        const struct rl_hit *hit = &hits->hit[i];
+    const struct rl_pending behind = search_without(detector, one);
+    for (int i = 0; i < behind.hits.count && i < RL_TRIED && detector->decisions_left > 0; i++) {
+        const struct rl_hit *hit = &behind.hits.hit[i];
         if (hit->id == one->id) {
             continue;
         }
         detector->decisions_left -= 3;
-        *other = decide(detector, channel, packets, hit, hits, one, to_s);
+        *other = decide(detector, &behind, hit, one);
         if (other->evidence < detector->min_nats || other->reason == RL_INCOMPLETE ||
             rl_is_known(detector, other->id, other->begin_s, other->end_s)) {
             continue;
         }
-        search_without(detector, other, to_s, &again_hits);
-        if (again_hits.count == 0 || again_hits.hit[0].id == other->id) {
+        const struct rl_pending found = search_without(detector, other);
+        if (found.hits.count == 0 || found.hits.hit[0].id == other->id) {
             continue;
         }
-        const struct rl_verdict again =
-            decide(detector, channel, packets, &again_hits.hit[0], &again_hits, other, to_s);
+        const struct rl_verdict again = decide(detector, &found, &found.hits.hit[0], other);
         if (again.reason != RL_READ ||
             rl_is_known(detector, again.id, again.begin_s, again.end_s)) {
             continue;
         }
-        *other = decide(detector, channel, packets, hit, hits, &again, to_s);
+        *other = decide(detector, &behind, hit, &again);
         const double margin =
-            other->reason == RL_READ ? rl_pair_margin(detector, &again, other, to_s) : 0.0;
+            other->reason == RL_READ ? rl_pair_margin(detector, &again, other) : 0.0;
         if (margin >= detector->settings.thresholds.margin) {
             *one = again;
             one->margin = fmin(one->margin, margin);
@@ -219,11 +211,12 @@ static bool judge_pair(struct rl_detector *detector, double to_s, struct rl_verd
     return false;
 }
 
-void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, double to_s)
+void rl_judge(struct rl_detector *detector, const struct rl_pending *pending)
 {
     const struct rl_hit *hit = &pending->hits.hit[0];
     const struct rl_transmission *transmission = &hit->transmission;
     const double lasting_s = RL_PACKET_BITS * pending->packets * transmission->bit_s;
+    const double to_s = detector->newest_s;
     const double begin_s = transmission->repeats ? fmax(to_s - lasting_s, pending->since_s)
                                                  : transmission->start_s;
     const double end_s = transmission->repeats ? to_s : begin_s + lasting_s;
@@ -232,23 +225,24 @@ void rl_judge(struct rl_detector *detector, const struct rl_pending *pending, do
     }
     detector->counts.candidates++;
     detector->decisions_left--;
-    struct rl_verdict other, verdict = decide(detector, pending->channel, pending->packets, hit,
-                                              &pending->hits, NULL, to_s);
+    struct rl_verdict other, verdict = decide(detector, pending, hit, NULL);
     const bool may_hide = pending->since_s < begin_s &&
                           detector->samples.channel[pending->channel].zones == 1 &&
                           verdict.reason != RL_INCOMPLETE && verdict.reason != RL_ERASED &&
                           verdict.reason != RL_MARGIN && verdict.evidence > detector->min_nats;
     if (verdict.reason == RL_READ) {
-        const double margin = rl_pair_margin_beside_known(detector, &verdict, to_s);
+        const double margin = rl_pair_margin_beside_known(detector, &verdict);
         verdict.margin = fmin(verdict.margin, margin);
         if (verdict.margin < detector->settings.thresholds.margin) {
             verdict.reason = RL_MARGIN;
         }
     }
-    if (may_hide && judge_pair(detector, to_s, &verdict, &other)) {
+    if (may_hide && judge_pair(detector, &verdict, &other)) {
         detector->counts.candidates++;
+        detector->candidate[detector->candidates++] = other;
         rl_add_reading(detector, &other);
     }
+    detector->candidate[detector->candidates++] = verdict;
     if (verdict.reason == RL_READ) {
         rl_add_reading(detector, &verdict);
     } else {

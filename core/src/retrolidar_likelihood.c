@@ -134,20 +134,14 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
     return best;
 }
 
-/* Products of the light on each knot, for every walk, less what interferers explain of them. */
-struct knot_products {
-    double normal[RL_KNOTS][RL_KNOTS][RL_WALK_LANES], right[RL_KNOTS][RL_WALK_LANES];
-};
-
+/* Find the products of the light on each knot, less what interferers explain of them. */
 static void multiply_knots(const struct rl_whitened *whitened, const double *light, int rows,
-                           double *part, struct knot_products *products)
+                           double *part, struct rl_knot_products *products)
 {
     double shared[RL_KNOTS][RL_MAX_INTERFERERS][RL_WALK_LANES];
     for (int knot = 0; knot < RL_KNOTS; knot++) {
         double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers + knot];
-        for (int row = 0; row < rows; row++) {
-            part[row] = light[row] * rl_knot_weight(knot, row, rows);
-        }
+        rl_light_on_knot(knot, light, rows, part);
         const int from = whiten_template(whitened, part, column, products->normal[knot][knot],
                                          products->right[knot]);
         for (int i = 0; i < whitened->interferers + knot; i++) {
@@ -171,30 +165,25 @@ static void multiply_knots(const struct rl_whitened *whitened, const double *lig
 struct rl_gain rl_fit_knots(const struct rl_whitened *whitened, const double *light, int rows,
                             bool may_darken, double *part, double gains[RL_KNOTS])
 {
-    struct knot_products products;
+    struct rl_knot_products products;
+    double gain[RL_KNOTS][RL_WALK_LANES], explained[RL_WALK_LANES];
     struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
     memset(gains, 0, RL_KNOTS * sizeof *gains);
     if (whitened->samples < 3) {
         return best;
     }
     multiply_knots(whitened, light, rows, part, &products);
+    rl_knots_solve(&products, may_darken, gain, explained);
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        double normal[RL_KNOTS][RL_KNOTS], right[RL_KNOTS], gain[RL_KNOTS], variance, mean = 0.0;
-        for (int i = 0; i < RL_KNOTS; i++) {
-            right[i] = products.right[i][walk];
-            for (int j = 0; j <= i; j++) {
-                normal[i][j] = products.normal[i][j][walk];
-            }
-        }
-        const double explained = rl_knots_solve(normal, right, may_darken, gain);
-        const double squares = fmax(whitened->squares[walk] - explained, 0.0);
+        double variance, mean = 0.0;
+        const double squares = fmax(whitened->squares[walk] - explained[walk], 0.0);
         const double likelihood = rl_log_likelihood(whitened, walk, squares, RL_KNOTS, &variance);
-        for (int i = 0; i < RL_KNOTS; i++) {
-            mean += gain[i] / (i > 0 && i < RL_KNOTS - 1 ? 1.0 : 2.0) / (RL_KNOTS - 1);
-        }
-        if (explained > 0.0 && likelihood > best.log_likelihood) {
+        if (explained[walk] > 0.0 && likelihood > best.log_likelihood) {
+            for (int i = 0; i < RL_KNOTS; i++) {
+                gains[i] = gain[i][walk];
+                mean += gains[i] / (i > 0 && i < RL_KNOTS - 1 ? 1.0 : 2.0) / (RL_KNOTS - 1);
+            }
             best = (struct rl_gain){likelihood, mean, variance, walk};
-            memcpy(gains, gain, sizeof gain);
         }
     }
     return best;

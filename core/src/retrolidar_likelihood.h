@@ -7,7 +7,7 @@
 #ifndef RETROLIDAR_LIKELIHOOD_H
 #define RETROLIDAR_LIKELIHOOD_H
 
-#include "retrolidar_whitened.h"
+#include "retrolidar_gain_profile.h"
 
 /* binding */
 /* A template that is fitted to samples. */

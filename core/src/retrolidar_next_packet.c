@@ -38,11 +38,9 @@ double rl_rivals_next(const struct rl_case *judged)
     double best = -INFINITY;
     for (int i = 0; i < known->count; i++) {
         struct rl_transmission last = known->train[i].transmission;
-        const double packet_s = RL_PACKET_BITS * last.bit_s;
-        const double lasted_s = known->train[i].end_s - last.bit_s - last.start_s;
         last.repeats = last.dark_before = last.dark_after = false;
-        last.start_s += packet_s * floor(lasted_s / packet_s);
-        const double ended_s = last.start_s + packet_s;
+        last.start_s = rl_last_start(&last, known->train[i].end_s - last.bit_s);
+        const double ended_s = last.start_s + RL_PACKET_BITS * last.bit_s;
         if (ended_s > judged->window->begin_s[0]) {
             best = fmax(best, find_next(judged, &last, ended_s));
         }

@@ -23,8 +23,8 @@ static double parabolic_peak(double before, double here, double after)
     return bend < 0.0 ? fmin(fmax(0.5 * (before - after) / bend, -1.0), 1.0) : 0.0;
 }
 
-static void coordinate_ascent(struct rl_window *window, struct rl_transmission *transmission,
-                              double half_bits)
+static double coordinate_ascent(struct rl_window *window, struct rl_transmission *transmission,
+                                double half_bits)
 {
     double best = rl_window_try(window, transmission);
     /* Each round has half the steps of the one before. */
@@ -58,6 +58,7 @@ static void coordinate_ascent(struct rl_window *window, struct rl_transmission *
             }
         }
     }
+    return best;
 }
 
 /* Whether the bits that touch a lone packet are better dark than as they are. */
@@ -82,12 +83,10 @@ static bool find_neighbours(struct rl_window *window, struct rl_transmission *tr
 double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
                         double half_bits)
 {
-    coordinate_ascent(window, transmission, half_bits);
-    if (!transmission->repeats && find_neighbours(window, transmission)) {
-        coordinate_ascent(window, transmission, half_bits);
-    }
-    /* Leave `fit` and `light` of what is returned. */
-    return rl_window_try(window, transmission);
+    const double best = coordinate_ascent(window, transmission, half_bits);
+    return !transmission->repeats && find_neighbours(window, transmission)
+               ? coordinate_ascent(window, transmission, half_bits)
+               : best;
 }
 
 /* Bits from the start of the transmission to the middle of its window. */
@@ -100,32 +99,54 @@ static double half_bits_of(const struct rl_case *judged)
                : RL_PACKET_BITS / 2.0;
 }
 
-/* Open the window of a lone packet with the silence before it; return its evidence. */
-static double open_lone(struct rl_case *judged, struct rl_transmission *lone, double silence_s)
+static double evidence_of(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    struct rl_window *window = judged->window;
-    rl_window_open(window, judged->verdict.channel, judged->verdict.is_dimmer,
-                   lone->start_s - silence_s, lone->start_s + RL_PACKET_BITS * lone->bit_s);
-    return rl_window_refine(window, lone, RL_PACKET_BITS / 2.0) - rl_window_null(window);
+    return rl_window_try(window, transmission) - rl_window_null(window);
 }
 
-/* The same with the silence before it, or without, whichever is better. */
+/* Refine a packet in the window that is open; return its evidence. What explains less than a gain
+ * costs is left as it is: most of what the search finds beside packets that were read before.
+ */
+static double refine_evident(struct rl_window *window, struct rl_transmission *transmission,
+                             double half_bits)
+{
+    const double evidence = evidence_of(window, transmission);
+    return evidence < RL_COST_OF_GAIN ? evidence
+                                      : rl_window_refine(window, transmission, half_bits) -
+                                            rl_window_null(window);
+}
+
+/* Open the window of a lone packet with the silence before it. */
+static void open_lone(struct rl_case *judged, const struct rl_transmission *lone, double silence_s)
+{
+    rl_window_open(judged->window, judged->verdict.channel, judged->verdict.is_dimmer,
+                   lone->start_s - silence_s, lone->start_s + RL_PACKET_BITS * lone->bit_s);
+}
+
+/* Open it with the silence, or without, whichever is better, and refine it there; return its
+ * evidence.
+ */
 static double open_best(struct rl_case *judged, struct rl_transmission *lone)
 {
-    const double tight = open_lone(judged, lone, 0.0);
+    struct rl_window *window = judged->window;
+    const double half_bits = RL_PACKET_BITS / 2.0;
+    open_lone(judged, lone, 0.0);
+    const double tight = refine_evident(window, lone, half_bits);
     const double silence_s =
         fmin(RL_SILENT_BITS * lone->bit_s, lone->start_s - judged->consumed_until_s);
-    if (silence_s < lone->bit_s) {
+    if (silence_s < lone->bit_s || tight < RL_COST_OF_GAIN) {
         return tight;
     }
     struct rl_transmission other = *lone;
-    const double wide = open_lone(judged, &other, silence_s);
+    open_lone(judged, lone, silence_s);
+    const double wide = refine_evident(window, &other, half_bits);
     if (wide > tight) {
         *lone = other;
         judged->silent_bits = (int)fmin(silence_s / other.bit_s, RL_SILENT_BITS);
         return wide;
     }
-    return open_lone(judged, lone, 0.0);
+    open_lone(judged, lone, 0.0);
+    return evidence_of(window, lone);
 }
 
 /* Open the window of a packet, and refine it there. */
@@ -140,8 +161,7 @@ static void open_target(struct rl_case *judged, bool is_dimmer)
     if (transmission->repeats) {
         const double begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
         rl_window_open(window, verdict->channel, is_dimmer, begin_s, judged->to_s);
-        verdict->evidence = rl_window_refine(window, transmission, half_bits_of(judged)) -
-                            rl_window_null(window);
+        verdict->evidence = refine_evident(window, transmission, half_bits_of(judged));
         verdict->begin_s = fmax(judged->to_s - bits * transmission->bit_s, judged->since_s);
         verdict->end_s = judged->to_s;
     } else {
@@ -157,7 +177,7 @@ void rl_observation_open(struct rl_case *judged)
     const struct rl_transmission found = verdict->transmission;
     open_target(judged, false);
     /* The marker is the target that the packet explains better. */
-    if (judged->window->column.has_two_targets) {
+    if (judged->window->column.has_two_targets && !judged->window->by_zone) {
         const double evidence = verdict->evidence;
         verdict->transmission = found;
         open_target(judged, true);
@@ -170,31 +190,35 @@ void rl_observation_open(struct rl_case *judged)
     judged->own = verdict->evidence + rl_window_null(judged->window);
 }
 
+/* Whether any zone of a window has a valid sample. */
+static bool is_valid(const struct rl_window *window, int row)
+{
+    bool is_any = window->column.valid[row];
+    for (int i = 0; i < window->others; i++) {
+        is_any = is_any || window->other[i].column.valid[row];
+    }
+    return is_any;
+}
+
 bool rl_observation_is_erased(const struct rl_case *judged)
 {
     const struct rl_window *window = judged->window;
     const struct rl_transmission *transmission = &judged->verdict.transmission;
-    const struct rl_whitened *whitened = &window->whitened;
     double known[RL_PACKET_BITS] = {0.0}, all[RL_PACKET_BITS] = {0.0};
-    int sample = 0, erased = 0;
-    if (whitened->samples < window->rows / 2) {
-        return true;
-    }
+    int valid = 0, erased = 0;
     for (int row = 0; row < window->rows; row++) {
-        const bool valid = sample < whitened->samples && whitened->row[sample] == row;
-        sample += valid;
+        const bool is_known = is_valid(window, row);
         const double middle_s = (window->begin_s[row] + window->end_s[row]) / 2;
         const double since = floor((middle_s - transmission->start_s) / transmission->bit_s);
-        if (!transmission->repeats && (since < 0.0 || since >= RL_PACKET_BITS)) {
-            continue;
+        valid += is_known;
+        if (transmission->repeats || (since >= 0.0 && since < RL_PACKET_BITS)) {
+            all[rl_bit_of((int)since)] += 1.0;
+            known[rl_bit_of((int)since)] += is_known;
         }
-        const int bit = rl_bit_of((int)since);
-        all[bit] += 1.0;
-        known[bit] += valid;
     }
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
         erased += known[bit] < 0.25 * all[bit];
     }
     /* If fewer are erased, all words still differ in the others. */
-    return erased >= RL_WORD_DISTANCE;
+    return valid < window->rows / 2 || erased >= RL_WORD_DISTANCE;
 }

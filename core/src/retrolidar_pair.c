@@ -20,34 +20,34 @@ struct other_pair {
 
 /* Open the window of a packet, with another one beside it, and what was read of other markers. */
 static void open_beside(struct rl_detector *detector, const struct rl_verdict *one,
-                        const struct rl_verdict *other, double to_s)
+                        const struct rl_verdict *other)
 {
     struct rl_window *window = &detector->window;
-    rl_pool_interference(&detector->pool, rl_channel_zones(&detector->samples, one->channel),
-                         one->begin_s, to_s, one->id, other->id, &window->interference);
+    rl_pool_interference(&detector->pool, detector->samples.channel[one->channel].mask,
+                         one->begin_s, one->id, other->id, &window->interference);
     rl_window_open(window, one->channel, one->is_dimmer, one->begin_s, one->end_s);
     rl_window_add(window, &other->transmission);
 }
 
 /* Refine a packet in its zone, with another one beside it; return their log likelihood. */
 static double refine_beside(struct rl_detector *detector, struct rl_verdict *one,
-                            const struct rl_verdict *other, double to_s)
+                            const struct rl_verdict *other)
 {
     struct rl_transmission *transmission = &one->transmission;
     const double middle_s = (one->begin_s + one->end_s) / 2;
-    open_beside(detector, one, other, to_s);
+    open_beside(detector, one, other);
     return rl_window_refine(&detector->window, transmission,
                             (middle_s - transmission->start_s) / transmission->bit_s);
 }
 
 /* Log likelihood of two packets with steady gains; each is refined. */
 static double refine_pair(struct rl_detector *detector, struct rl_verdict *one,
-                          struct rl_verdict *other, double to_s)
+                          struct rl_verdict *other)
 {
     double likelihood = -INFINITY;
     for (int round = 0; round < 2; round++) {
-        refine_beside(detector, other, one, to_s);
-        likelihood = refine_beside(detector, one, other, to_s);
+        refine_beside(detector, other, one);
+        likelihood = refine_beside(detector, one, other);
     }
     return likelihood;
 }
@@ -56,24 +56,22 @@ static double refine_pair(struct rl_detector *detector, struct rl_verdict *one,
 static void make_lone(struct rl_verdict *verdict)
 {
     struct rl_transmission *transmission = &verdict->transmission;
-    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
     if (transmission->repeats) {
-        const double packets = (verdict->end_s - transmission->start_s) / packet_s;
-        transmission->start_s += packet_s * floor(packets);
+        transmission->start_s = rl_last_start(transmission, verdict->end_s);
         transmission->repeats = false;
     }
 }
 
 /* Whether two packets that repeat may be lone ones of which the last bits are still to come. */
 static bool may_be_incomplete(struct rl_detector *detector, struct rl_verdict one,
-                              struct rl_verdict other, double own, double to_s)
+                              struct rl_verdict other, double own)
 {
     if (!one.transmission.repeats && !other.transmission.repeats) {
         return false;
     }
     make_lone(&one);
     make_lone(&other);
-    return refine_pair(detector, &one, &other, to_s) > own - RL_AS_GOOD;
+    return refine_pair(detector, &one, &other) > own - RL_AS_GOOD;
 }
 
 static bool begin_together(const struct rl_transmission *first,
@@ -105,7 +103,7 @@ static void align(struct rl_transmission *first, struct rl_transmission *second)
  * their log likelihood. Of the others, the likeliest by a common clock are refined.
  */
 static double margin_to_others(struct rl_detector *detector, struct rl_verdict first,
-                               struct rl_verdict second, double own, double to_s)
+                               struct rl_verdict second, double own)
 {
     const struct rl_codebook *codebook = &detector->search.codebook;
     const uint32_t bits[2] = {first.transmission.bits, second.transmission.bits};
@@ -124,7 +122,7 @@ static double margin_to_others(struct rl_detector *detector, struct rl_verdict f
         }
         first.transmission.bits = bits[0] ^ flipped;
         second.transmission.bits = bits[1] ^ flipped;
-        open_beside(detector, &first, &second, to_s);
+        open_beside(detector, &first, &second);
         const struct other_pair other = {
             (float)rl_window_try(&detector->window, &first.transmission), flipped};
         rl_keep_best(best, &kept, RL_TRIED, &other, sizeof other);
@@ -133,33 +131,33 @@ static double margin_to_others(struct rl_detector *detector, struct rl_verdict f
         struct rl_verdict one = first, other = second;
         one.transmission.bits = bits[0] ^ best[i].flipped;
         other.transmission.bits = bits[1] ^ best[i].flipped;
-        margin = fmin(margin, own - refine_pair(detector, &one, &other, to_s));
+        margin = fmin(margin, own - refine_pair(detector, &one, &other));
     }
     return margin;
 }
 
 double rl_pair_margin(struct rl_detector *detector, const struct rl_verdict *one,
-                      const struct rl_verdict *other, double to_s)
+                      const struct rl_verdict *other)
 {
     if (!begin_together(&one->transmission, &other->transmission)) {
         return RL_MAX_MARGIN;
     }
     struct rl_verdict first = *one, second = *other;
-    const double own = refine_pair(detector, &first, &second, to_s);
-    return may_be_incomplete(detector, first, second, own, to_s)
+    const double own = refine_pair(detector, &first, &second);
+    return may_be_incomplete(detector, first, second, own)
                ? 0.0
-               : margin_to_others(detector, first, second, own, to_s);
+               : margin_to_others(detector, first, second, own);
 }
 
-double rl_pair_margin_beside_known(struct rl_detector *detector, const struct rl_verdict *verdict,
-                                   double to_s)
+double rl_pair_margin_beside_known(struct rl_detector *detector, const struct rl_verdict *verdict)
 {
     const struct rl_pool *pool = &detector->pool;
-    const uint64_t zones = rl_channel_zones(&detector->samples, verdict->channel);
+    const uint64_t zones = detector->samples.channel[verdict->channel].mask;
     const struct rl_packet_train train = rl_train_of(verdict);
     const double packet_s = RL_PACKET_BITS * verdict->transmission.bit_s;
-    /* Others begin where known ones continue. */
-    const int known = rl_pool_followed(pool, verdict->id, &train) != NULL ? 2 : 1;
+    /* Where known markers continue, others must have begun, each by chance. */
+    const int events = rl_pool_followed(pool, verdict->id, &train) != NULL ? 2 : 1;
+    const struct rl_interference interference = detector->window.interference;
     double margin = RL_MAX_MARGIN;
     for (int i = 0; i < pool->count; i++) {
         const struct rl_active_track *track = &pool->track[i];
@@ -172,9 +170,10 @@ double rl_pair_margin_beside_known(struct rl_detector *detector, const struct rl
         other.id = track->id;
         other.transmission = track->train.transmission;
         other.transmission.repeats = true;
-        const double own = refine_pair(detector, &own_packet, &other, to_s);
-        margin = fmin(margin, known * RL_COST_OF_CHANCE +
-                                  margin_to_others(detector, own_packet, other, own, to_s));
+        const double own = refine_pair(detector, &own_packet, &other);
+        margin = fmin(margin, events * RL_COST_OF_CHANCE +
+                                  margin_to_others(detector, own_packet, other, own));
     }
+    detector->window.interference = interference;
     return margin;
 }

@@ -11,15 +11,6 @@ static const double MAX_MISSED = 2.0;
 /* It is joined to the train if it begins at the same time to this; otherwise there was a pause. */
 static const double JOINED_BITS = 2.0 / RL_PHASES;
 
-uint64_t rl_channel_zones(const struct rl_samples *samples, int channel)
-{
-    uint64_t zones = 0;
-    for (int i = 0; i < samples->channel[channel].zones; i++) {
-        zones |= (uint64_t)1 << samples->channel[channel].zone[i];
-    }
-    return zones;
-}
-
 static uint64_t around(const struct rl_samples *samples, int zone)
 {
     uint64_t zones = 0;
@@ -48,11 +39,12 @@ struct rl_packet_train rl_train_of(const struct rl_verdict *verdict)
     return (struct rl_packet_train){verdict->transmission, verdict->begin_s, verdict->end_s};
 }
 
-/* Whether a train continues another one. */
+/* Whether a train continues another one, or that one continues it. */
 static bool continues(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
     const double packet_s = RL_PACKET_BITS * now->transmission.bit_s;
-    return now->begin_s - before->end_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
+    const double gap_s = fmax(now->begin_s - before->end_s, before->begin_s - now->end_s);
+    return gap_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
 }
 
 /* Add packets that were read, to the active track that they continue, if any. */
@@ -146,8 +138,8 @@ bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
     return false;
 }
 
-void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, double to_s,
-                          uint16_t id, uint16_t other_id, struct rl_interference *interference)
+void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, uint16_t id,
+                          uint16_t other_id, struct rl_interference *interference)
 {
     interference->count = 0;
     for (int beside = 0; beside < 2; beside++) {
@@ -156,8 +148,7 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
             const struct rl_packet_train *train = &track->train;
             const bool sees = (track->zones & zones) != 0, is_near = (track->near & zones) != 0;
             if ((beside ? is_near && !sees : sees) && track->id != id && track->id != other_id &&
-                train->end_s > since_s && train->begin_s < to_s &&
-                interference->count < RL_MAX_TRAINS) {
+                train->end_s > since_s && interference->count < RL_MAX_TRAINS) {
                 interference->train[interference->count++] = *train;
             }
         }
@@ -211,9 +202,8 @@ static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdi
 static double start_of(const struct rl_verdict *verdict)
 {
     const struct rl_transmission *transmission = &verdict->transmission;
-    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
-    const double packets = (verdict->begin_s - transmission->start_s) / packet_s;
-    return transmission->repeats ? transmission->start_s + packet_s * floor(packets + 0.25)
+    const double quarter_s = 0.25 * RL_PACKET_BITS * transmission->bit_s;
+    return transmission->repeats ? rl_last_start(transmission, verdict->begin_s + quarter_s)
                                  : transmission->start_s;
 }
 
@@ -238,7 +228,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     detector->read_anew |= track->near;
     detector->read_from_s = fmin(detector->read_from_s, reading->verdict.begin_s);
     for (int channel = 0; channel < samples->channels; channel++) {
-        if ((rl_channel_zones(samples, channel) & track->zones) != 0) {
+        if ((samples->channel[channel].mask & track->zones) != 0) {
             detector->consumed_until_s[channel] =
                 fmax(detector->consumed_until_s[channel], verdict->end_s);
         }

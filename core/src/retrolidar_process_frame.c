@@ -7,12 +7,12 @@
 #include <math.h>
 
 enum {
-    FOLDS = 5,
     STRETCH_BITS = 2, /* between two searches of the last packet of each channel */
     SEARCHED_BITS = 2 * RL_PACKET_BITS + RL_CONTINUES_BITS, /* that the residual is searched back */
     MAX_WORDS = 300, /* shortlist entries per frame that are compared with all words, at most */
 };
-static const int FOLD[FOLDS] = {1, 2, 3, 5, RL_MAX_PACKETS};
+/* How many packets that repeat are added up, one after the other. */
+static const int COMBINED[] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
 static void search(struct rl_detector *detector, const int *channels, int count, int packets,
                    double from_s, double to_s, double since_s)
@@ -76,8 +76,8 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
-    const double over_s = to_s - SEARCHED_BITS * bit_s;
-    uint64_t zones = rl_pool_zones(&detector->pool, over_s);
+    const double forgotten_s = to_s - SEARCHED_BITS * bit_s;
+    uint64_t zones = rl_pool_zones(&detector->pool, forgotten_s);
     for (int zone = 0; zone < samples->zones; zone++) {
         const uint64_t own = (uint64_t)1 << zone;
         if (rl_noise_variation(samples, zone) <= RL_ACTIVE) {
@@ -86,19 +86,19 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
         if ((zones & own) != 0) {
             struct rl_interference interference;
             rl_pool_interference(&detector->pool, own,
-                                 since_s - RL_CONTINUES_BITS * bit_s, to_s, 0, 0, &interference);
-            rest[zone] = rl_residual_subtract(&detector->residual, zone, &interference,
+                                 since_s - RL_CONTINUES_BITS * bit_s, 0, 0, &interference);
+            rest[zone] = rl_residual_subtract(detector, zone, &interference,
                                               since_s - RL_SEARCH_BITS * bit_s);
-            if (detector->consumed_until_s[zone] <= over_s &&
+            if (detector->consumed_until_s[zone] <= forgotten_s &&
                 rest[zone] > RL_MOST * rl_noise_variation(samples, zone)) {
-                rl_residual_restore(&detector->residual, zone);
+                rl_residual_restore(detector, zone);
                 zones &= ~own;
             }
         }
     }
     for (int sum = samples->zones; sum < samples->channels; sum++) {
-        if ((rl_channel_zones(samples, sum) & zones) != 0) {
-            rest[sum] = rl_residual_sum(&detector->residual, sum);
+        if ((samples->channel[sum].mask & zones) != 0) {
+            rest[sum] = rl_residual_sum(detector, sum);
         }
     }
     return zones;
@@ -112,14 +112,14 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
 static void search_residual(struct rl_detector *detector, double from_s, double to_s)
 {
     const struct rl_samples *samples = &detector->samples;
-    const double over_s = to_s - SEARCHED_BITS * detector->settings.bit_s;
-    const double anew_s = fmin(from_s, fmax(detector->read_from_s, over_s));
+    const double forgotten_s = to_s - SEARCHED_BITS * detector->settings.bit_s;
+    const double anew_s = fmin(from_s, fmax(detector->read_from_s, forgotten_s));
     double rest[RL_MAX_CHANNELS];
     const uint64_t subtracted = subtract_read(detector, anew_s, to_s, rest);
     for (int again = 0; again < 2; again++) {
         int channels[RL_MAX_CHANNELS], count = 0;
         for (int channel = 0; channel < samples->channels; channel++) {
-            const uint64_t zones = rl_channel_zones(samples, channel);
+            const uint64_t zones = samples->channel[channel].mask;
             const bool is_anew = (zones & detector->read_anew) != 0;
             if ((zones & subtracted) != 0 && rest[channel] > RL_ACTIVE && is_anew == again) {
                 channels[count++] = channel;
@@ -130,8 +130,8 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
         search(detector, channels, count, 1, ended_s, to_s, -INFINITY);
     }
     for (int channel = 0; channel < samples->channels; channel++) {
-        if ((rl_channel_zones(samples, channel) & subtracted) != 0) {
-            rl_residual_restore(&detector->residual, channel);
+        if ((samples->channel[channel].mask & subtracted) != 0) {
+            rl_residual_restore(detector, channel);
         }
     }
     detector->read_anew = 0;
@@ -150,14 +150,14 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
             continue;
         }
         /* The packet that the newest stretch of its length begins in. */
-        next.start_s += packet_s * floor((to_s - next.start_s) / packet_s - 1.0);
+        next.start_s = rl_last_start(&next, to_s - packet_s);
         next.repeats = true;
         const struct rl_pending pending = {
             .channel = track->zone,
             .packets = 1,
             .since_s = -INFINITY,
             .hits = {.count = 1, .hit = {{0.0f, track->id, next}}}};
-        rl_judge(detector, &pending, to_s);
+        rl_judge(detector, &pending);
     }
 }
 
@@ -210,14 +210,14 @@ void rl_process_frame(struct rl_detector *detector)
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
     const double to_s = samples->end_s[samples->count - 1];
-    const double from_s = fmax(detector->searched_s, to_s - RL_PACKET_BITS * bit_s);
+    const double from_s = fmax(detector->newest_s, to_s - RL_PACKET_BITS * bit_s);
     const double held_s = to_s - samples->begin_s[rl_samples_oldest(samples)];
     int channels[RL_MAX_CHANNELS];
     detector->pendings = 0;
     detector->search.words_left = MAX_WORDS;
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
-    detector->searched_s = to_s;
+    detector->newest_s = to_s;
     note_active(detector, to_s);
     const double packet_bits = RL_PACKET_BITS * (1.0 - RL_MAX_SKEW) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
@@ -233,16 +233,18 @@ void rl_process_frame(struct rl_detector *detector)
     const int64_t slot = (int64_t)floor(to_s / slot_s);
     const bool is_new_slot = comes(slot_s, from_s, to_s);
     /* Several packets are searched as soon as so many have come, and then in turn. */
-    for (int fold = 1; fold < FOLDS && FOLD[fold] <= detector->settings.max_packets; fold++) {
-        const double bits = RL_PACKET_BITS * FOLD[fold] * (1.0 + RL_MAX_SKEW) + 1.0;
+    const int rounds = sizeof COMBINED / sizeof *COMBINED;
+    for (int round = 1; round < rounds && COMBINED[round] <= detector->settings.max_packets;
+         round++) {
+        const double bits = RL_PACKET_BITS * COMBINED[round] * (1.0 + RL_MAX_SKEW) + 1.0;
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }
         count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, channels);
-        if (!is_new_slot || slot % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != fold) {
+        if (!is_new_slot || slot % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != round) {
             count = due(detector, channels, count, bits, from_s, to_s);
         }
-        search(detector, channels, count, FOLD[fold], from_s, to_s, -INFINITY);
+        search(detector, channels, count, COMBINED[round], from_s, to_s, -INFINITY);
     }
     if (comes(bit_s, from_s, to_s)) {
         search_appeared(detector, to_s);
@@ -259,8 +261,8 @@ void rl_process_frame(struct rl_detector *detector)
         }
         const struct rl_pending pending = detector->pending[best];
         detector->pending[best] = detector->pending[--detector->pendings];
-        rl_judge(detector, &pending, to_s);
+        rl_judge(detector, &pending);
     }
-    rl_judge_expected(detector, from_s, to_s);
+    rl_judge_expected(detector, from_s);
     detector->counts.overloads += detector->pendings > 0 || detector->search.dropped;
 }

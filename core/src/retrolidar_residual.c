@@ -8,20 +8,11 @@
 
 #include <string.h>
 
-void rl_residual_start(struct rl_residual *residual, struct rl_samples *samples,
-                       struct rl_window *window, struct rl_memory *memory)
-{
-    residual->samples = samples;
-    residual->window = window;
-    residual->saved =
-        rl_take(memory, samples->channels * (int64_t)samples->kept, sizeof *residual->saved);
-}
-
 /* Variance of a channel over the newest rows, over that of its noise. */
-static double variation(const struct rl_residual *residual, int channel)
+static double variation(const struct rl_detector *detector, int channel)
 {
-    const struct rl_samples *samples = residual->samples;
-    const int rows = samples->count - residual->first;
+    const struct rl_samples *samples = &detector->samples;
+    const int rows = samples->count - detector->saved_row;
     const int newest = samples->variance_rows < rows ? samples->variance_rows : rows;
     const float *rest = samples->signal + rl_sample(samples, channel, samples->count - newest);
     const double mean = rl_mean(rest, newest);
@@ -32,24 +23,15 @@ static double variation(const struct rl_residual *residual, int channel)
     return newest > 1 ? squares / (newest - 1) / rl_noise_variance(samples, channel, mean) : 0.0;
 }
 
-/* Save the samples of a channel; return how many rows these are. */
-static int save(struct rl_residual *residual, int channel)
+/* Save the newest samples of a channel; return them, and how many rows these are. */
+static float *save(struct rl_detector *detector, int channel, int *rows)
 {
-    const struct rl_samples *samples = residual->samples;
-    const int rows = samples->count - residual->first;
-    memcpy(residual->saved + (size_t)channel * (size_t)samples->kept,
-           samples->signal + rl_sample(samples, channel, residual->first),
-           (size_t)rows * sizeof(float));
-    return rows;
-}
-
-/* The same of a zone, since a time. */
-static int save_since(struct rl_residual *residual, int zone, double from_s)
-{
-    const int oldest = rl_samples_oldest(residual->samples);
-    residual->first = rl_samples_row(residual->samples, from_s);
-    residual->first = residual->first > oldest ? residual->first : oldest;
-    return save(residual, zone);
+    struct rl_samples *samples = &detector->samples;
+    float *signal = samples->signal + rl_sample(samples, channel, detector->saved_row);
+    *rows = samples->count - detector->saved_row;
+    memcpy(detector->saved + (size_t)channel * (size_t)samples->kept, signal,
+           (size_t)*rows * sizeof *signal);
+    return signal;
 }
 
 /* An erasure repeats the sample before it, as in the samples that are held. */
@@ -60,46 +42,50 @@ static void fill_missing(float *signal, const uint8_t *valid, int rows)
     }
 }
 
-double rl_residual_subtract(struct rl_residual *residual, int zone,
+double rl_residual_subtract(struct rl_detector *detector, int zone,
                             const struct rl_interference *interference, double from_s)
 {
-    struct rl_samples *samples = residual->samples;
-    struct rl_window *window = residual->window;
-    const int rows = save_since(residual, zone, from_s);
-    float *signal = samples->signal + rl_sample(samples, zone, residual->first);
+    struct rl_samples *samples = &detector->samples;
+    /* Packets are subtracted while none is judged, so they are fitted in a window of these. */
+    struct rl_window *window = detector->other_zone;
+    const int oldest = rl_samples_oldest(samples), first = rl_samples_row(samples, from_s);
+    int rows;
+    detector->saved_row = first > oldest ? first : oldest;
+    float *signal = save(detector, zone, &rows);
     window->interference = *interference;
     window->beside = NULL;
-    rl_window_open(window, zone, false, samples->begin_s[residual->first],
+    rl_window_open(window, zone, false, samples->begin_s[detector->saved_row],
                    samples->end_s[samples->count - 1]);
     memmove(signal, window->column.signal, (size_t)rows * sizeof *signal);
     rl_unwhiten(&window->whitened, signal);
     fill_missing(signal, window->column.valid, rows);
     /* Without the packet, the targets could not be told apart any more. */
     samples->interference_removed[zone] = true;
-    return variation(residual, zone);
+    return variation(detector, zone);
 }
 
-double rl_residual_sum(struct rl_residual *residual, int channel)
+double rl_residual_sum(struct rl_detector *detector, int channel)
 {
-    struct rl_samples *samples = residual->samples;
+    const struct rl_samples *samples = &detector->samples;
     const struct rl_channel *sum = &samples->channel[channel];
-    const int rows = save(residual, channel);
-    float *signal = samples->signal + rl_sample(samples, channel, residual->first);
+    int rows;
+    float *signal = save(detector, channel, &rows);
     memset(signal, 0, (size_t)rows * sizeof *signal);
     for (int i = 0; i < sum->zones; i++) {
-        const float *zone = samples->signal + rl_sample(samples, sum->zone[i], residual->first);
+        const float *zone =
+            samples->signal + rl_sample(samples, sum->zone[i], detector->saved_row);
         for (int row = 0; row < rows; row++) {
             signal[row] += zone[row];
         }
     }
-    return variation(residual, channel);
+    return variation(detector, channel);
 }
 
-void rl_residual_restore(struct rl_residual *residual, int zone)
+void rl_residual_restore(struct rl_detector *detector, int channel)
 {
-    struct rl_samples *samples = residual->samples;
-    const size_t rows = (size_t)(samples->count - residual->first);
-    memcpy(samples->signal + rl_sample(samples, zone, residual->first),
-           residual->saved + (size_t)zone * (size_t)samples->kept, rows * sizeof(float));
-    samples->interference_removed[zone] = false;
+    struct rl_samples *samples = &detector->samples;
+    const size_t rows = (size_t)(samples->count - detector->saved_row);
+    memcpy(samples->signal + rl_sample(samples, channel, detector->saved_row),
+           detector->saved + (size_t)channel * (size_t)samples->kept, rows * sizeof(float));
+    samples->interference_removed[channel] = false;
 }

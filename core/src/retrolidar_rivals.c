@@ -85,7 +85,7 @@ static void find_rival(const struct rl_case *judged, int begin, bool repeats,
         return;
     }
     const uint32_t packet = judged->codebook->packet[word];
-    const bool in_its_place = !repeats && begin == 0;
+    const bool in_its_place = !repeats && begin == bits->silent;
     const struct rl_transmission other = {
         .bits = packet,
         .repeats = repeats,
@@ -182,64 +182,39 @@ double rl_rivals_part_margin(const struct rl_case *judged)
     return margin;
 }
 
-/* A packet that ends in the window, or begins in it. */
-struct cut_packet {
-    float nats; /* of its dark bits; a bound until a word is found */
-    bool is_found;
-    int word;
-};
-
-/* Where one packet ends and another begins, and how likely they are about. */
+/* Two packets, where one ends and the other begins, and how likely they are about. */
 struct two_packets {
     double nats, price;
-    int end;
+    int end, word[2];
 };
-
-static void bound(const struct rl_bits *bits, bool begins, struct cut_packet *cut)
-{
-    for (int bit = 0; bit <= bits->count; bit++) {
-        float weight[RL_PACKET_BITS];
-        weigh(bits, begins ? bit : bit - RL_PACKET_BITS, false, weight);
-        cut[bit] = (struct cut_packet){.nats = max_of(weight)};
-    }
-}
-
-static void find_word(const struct rl_case *judged, int begin, struct cut_packet *cut)
-{
-    if (!cut->is_found) {
-        float weight[RL_PACKET_BITS];
-        weigh(&judged->bits, begin, false, weight);
-        cut->is_found = true;
-        cut->word = rl_codebook_heaviest(judged->codebook, weight, judged->verdict.id);
-        cut->nats = cut->word < 0 ? -INFINITY
-                                  : sum_of(judged->codebook->packet[cut->word], weight);
-    }
-}
 
 /* Find the likeliest two packets back to back, by the sums over the bits that they flip. The
  * shorter part fits some ID by chance, which has a price. One ID twice is a packet that repeats,
  * which is tried by itself.
  */
-static struct two_packets find_two(const struct rl_case *judged, struct cut_packet *ended,
-                                   struct cut_packet *begun)
+static struct two_packets find_two(const struct rl_case *judged)
 {
+    const struct rl_codebook *codebook = judged->codebook;
     const int count = judged->bits.count;
-    float weight[RL_PACKET_BITS];
-    const float all = weigh(&judged->bits, count, false, weight);
     struct two_packets best = {.nats = -RL_MAX_MARGIN, .end = -1};
     for (int end = 1; end < count; end++) {
-        struct cut_packet *one = &ended[end], *other = &begun[end];
-        if ((double)(all + one->nats + other->nats) > best.nats) {
-            find_word(judged, end - RL_PACKET_BITS, one);
+        float weight[2][RL_PACKET_BITS], part[2];
+        const float all = weigh(&judged->bits, end - RL_PACKET_BITS, false, weight[0]);
+        weigh(&judged->bits, end, false, weight[1]);
+        struct two_packets two = {.end = end};
+        for (int i = 0; i < 2; i++) {
+            part[i] = max_of(weight[i]); /* a bound until its word is found */
         }
-        if ((double)(all + one->nats + other->nats) > best.nats) {
-            find_word(judged, end, other);
+        for (int i = 0; i < 2 && (double)(all + part[0] + part[1]) > best.nats; i++) {
+            two.word[i] = rl_codebook_heaviest(codebook, weight[i], judged->verdict.id);
+            part[i] = two.word[i] < 0 ? -INFINITY
+                                      : sum_of(codebook->packet[two.word[i]], weight[i]);
         }
         const int seen = end < count - end ? end : count - end;
-        const double price = log(2.0) * (seen < RL_ID_BITS ? seen : RL_ID_BITS);
-        const double nats = (double)(all + one->nats + other->nats) - price;
-        if (nats > best.nats) {
-            best = (struct two_packets){nats, price, end};
+        two.price = log(2.0) * (seen < RL_ID_BITS ? seen : RL_ID_BITS);
+        two.nats = (double)(all + part[0] + part[1]) - two.price;
+        if (two.nats > best.nats) {
+            best = two;
         }
     }
     return best;
@@ -269,19 +244,15 @@ static double shift_two(struct rl_window *window, struct rl_transmission *one,
 
 double rl_rivals_successive_margin(const struct rl_case *judged)
 {
-    struct cut_packet ended[RL_MAX_BITS + 1], begun[RL_MAX_BITS + 1];
-    bound(&judged->bits, false, ended);
-    bound(&judged->bits, true, begun);
-    const struct two_packets two = find_two(judged, ended, begun);
+    const struct two_packets two = find_two(judged);
     if (two.end < 0) {
         return RL_MAX_MARGIN;
     }
     const int begin[2] = {two.end - RL_PACKET_BITS, two.end};
-    const int word[2] = {ended[two.end].word, begun[two.end].word};
     const double bit_s = judged->verdict.transmission.bit_s;
     struct rl_transmission packet[2];
     for (int i = 0; i < 2; i++) {
-        packet[i] = (struct rl_transmission){.bits = judged->codebook->packet[word[i]],
+        packet[i] = (struct rl_transmission){.bits = judged->codebook->packet[two.word[i]],
                                              .start_s = judged->bits.begin_s + begin[i] * bit_s,
                                              .bit_s = bit_s};
     }

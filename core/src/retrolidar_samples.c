@@ -20,7 +20,9 @@ static int list_channels(int rows, int columns, struct rl_channel *channel)
         for (int corner = 0; corner < rows * columns; corner++) {
             if (corner / columns + side <= rows && corner % columns + side <= columns) {
                 for (int i = 0; i < side * side; i++) {
-                    channel[count].zone[i] = (uint8_t)(corner + i / side * columns + i % side);
+                    const int zone = corner + i / side * columns + i % side;
+                    channel[count].zone[i] = (uint8_t)zone;
+                    channel[count].mask |= (uint64_t)1 << zone;
                 }
                 channel[count++].zones = side * side;
             }

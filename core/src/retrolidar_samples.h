@@ -23,7 +23,8 @@ enum {
 
 /* A signal that is searched for packets: a zone, or a sum of zones that a marker may cross. */
 struct rl_channel {
-    int zones; /* in the sum */
+    int zones;     /* in the sum */
+    uint64_t mask; /* a bit for each of these */
     uint8_t zone[RL_MAX_SIDE * RL_MAX_SIDE];
 };
 

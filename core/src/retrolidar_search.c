@@ -59,12 +59,12 @@ static void plan(struct rl_search *search)
         }
         const double scale = height * frames * frames / (FINE * FINE);
         whitening->walk = WALKS[which];
-        whitening->energy.own = rl_maxf((float)frames - 0.5f, 0.25f);
-        whitening->energy.adjacent = 0.125f;
-        whitening->energy.smooth = (float)(scale * alone);
-        whitening->energy.pair = (float)(2.0 * scale * pair);
-        whitening->energy.decay = (float)pow(memory, frames);
-        rl_codebook_smooth(&search->codebook, &whitening->energy, &whitening->smooth);
+        const struct rl_energy energy = {.own = rl_maxf((float)frames - 0.5f, 0.25f),
+                                         .adjacent = 0.125f,
+                                         .smooth = (float)(scale * alone),
+                                         .pair = (float)(2.0 * scale * pair),
+                                         .decay = (float)pow(memory, frames)};
+        rl_codebook_smooth(&search->codebook, &energy, &whitening->smooth);
     }
 }
 
@@ -81,7 +81,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
     const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
-    struct rl_trial trial = {.end_s = end_s, .packets = 1, .energy = criteria->energy};
+    struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
@@ -153,9 +153,7 @@ static void search_stretches(struct rl_search *search, int count, int packets, d
     }
     for (int clock = -clocks; clock <= clocks; clock++) {
         for (int quarter = 0; quarter < RL_PHASES; quarter++) {
-            struct rl_trial trial = {.packets = packets,
-                                     .bit_s = bit_s * (1.0 + clock * skew),
-                                     .energy = criteria->energy};
+            struct rl_trial trial = {.packets = packets, .bit_s = bit_s * (1.0 + clock * skew)};
             trial.end_s = middle_s - quarter * bit_s / RL_PHASES + half_bits * trial.bit_s;
             rl_view_place_bit_edges(&search->view, &trial);
             integrate_all(search, &trial);
@@ -200,7 +198,7 @@ void rl_search_channels(struct rl_search *search, const struct rl_sought *sought
         }
         const double least = strong ? STRONG_SHARE * sought->least : sought->least;
         const struct rl_criteria criteria = {(float)least, (float)sought->max_llr_deficit,
-                                             packets > 0, whitening->energy, &whitening->smooth};
+                                             packets > 0, &whitening->smooth};
         rl_view_open(&search->view, chosen, lanes, fmax(first_s, sought->since_s), sought->to_s,
                      whitening->walk);
         if (packets > 0) {

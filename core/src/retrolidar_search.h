@@ -61,7 +61,6 @@ struct rl_criteria {
     float least;             /* nats */
     float max_llr_deficit;   /* nats by which any sequence of bits may be better */
     bool repeats;            /* whether the window is any stretch of a repeating packet */
-    struct rl_energy energy; /* of the whitening */
     const struct rl_smooth *smooth;
 };
 
@@ -89,7 +88,6 @@ static const double RL_STRONG = 4.0;
 /* How samples are whitened before they are searched. */
 struct rl_whitening {
     float walk; /* variance of the level's steps over that of the noise */
-    struct rl_energy energy;
     struct rl_smooth smooth;
 };
 

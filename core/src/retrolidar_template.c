@@ -135,6 +135,13 @@ void rl_train_light(const struct rl_packet_train *train, bool continues, const d
     }
 }
 
+double rl_last_start(const struct rl_transmission *transmission, double until_s)
+{
+    const double packet_s = RL_PACKET_BITS * transmission->bit_s;
+    return transmission->start_s +
+           packet_s * floor((until_s - transmission->start_s) / packet_s);
+}
+
 double rl_bits_later(const struct rl_transmission *before, const struct rl_transmission *now)
 {
     return remainder((now->start_s - before->start_s) / now->bit_s, RL_PACKET_BITS);
@@ -175,28 +182,5 @@ void rl_interference_assign(struct rl_interference *interference)
             first++;
         }
         interference->marker[i] = first;
-    }
-}
-
-void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
-                           const double *begin_s, const double *end_s, int rows, double *part,
-                           double *light)
-{
-    int last = marker;
-    for (int i = marker + 1; i < interference->count; i++) {
-        if (interference->marker[i] == marker &&
-            interference->train[i].end_s > interference->train[last].end_s) {
-            last = i;
-        }
-    }
-    for (int i = marker; i < interference->count; i++) {
-        if (interference->marker[i] != marker) {
-            continue;
-        }
-        rl_train_light(&interference->train[i], continues && i == last, begin_s, end_s, rows,
-                       i == marker ? light : part);
-        for (int row = 0; i != marker && row < rows; row++) {
-            light[row] *= part[row];
-        }
     }
 }

@@ -47,6 +47,9 @@ struct rl_interference {
     int marker[RL_MAX_TRAINS]; /* of each train: the first train of the same marker */
 };
 
+/* When the last packet begins before a time, if a transmission is back to back with others. */
+double rl_last_start(const struct rl_transmission *transmission, double until_s);
+
 /* By how many bits a packet begins later than another one, or than the next after whole packets. */
 double rl_bits_later(const struct rl_transmission *before, const struct rl_transmission *now);
 
@@ -57,15 +60,5 @@ bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_
  * their IDs. If some overlap, that is of several markers, each of those is taken by itself.
  */
 void rl_interference_assign(struct rl_interference *interference);
-
-/* Mean light, 0 to 1, of all trains of a marker during exposures; bright elsewhere.
- *
- * marker: its first train
- * continues: whether its last train continues
- * part: memory for as many rows
- */
-void rl_interference_light(const struct rl_interference *interference, int marker, bool continues,
-                           const double *begin_s, const double *end_s, int rows, double *part,
-                           double *light);
 
 #endif

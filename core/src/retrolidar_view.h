@@ -28,10 +28,10 @@ struct rl_view {
     int lanes;       /* a multiple of RL_LANES */
     float *begin; /* of each exposure since the first, and INFINITY after the last [s] */
     float *rate;  /* 1 over the length of each exposure [1/s] */
-    float *light;
-    float *total; /* sums of light over the rows before */
-    float *power; /* sums of light times signal */
-    float *valid; /* sums of valid samples */
+    float *light; /* each sample less the level */
+    float *total; /* sums of light over this row and those after it, negative ... */
+    float *power; /* ... of light times signal ... */
+    float *valid; /* ... and of valid samples */
     float *pivot; /* of the lanes that are whitened */
     struct rl_room room[RL_LANES];
     struct rl_edge edge[RL_MAX_EDGES]; /* of the bits of a trial */

@@ -12,7 +12,7 @@
 #ifndef RETROLIDAR_WHITENED_H
 #define RETROLIDAR_WHITENED_H
 
-#include "retrolidar_gain_profile.h"
+#include "retrolidar_constants.h"
 #include "retrolidar_math.h"
 
 #include <stdint.h>

@@ -21,9 +21,10 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
     rl_room_start(&window->room, samples->kept, memory);
 }
 
-static void lay_light(struct rl_window *window, const struct rl_transmission *transmission)
+static void lay(const struct rl_window *window, const struct rl_transmission *transmission,
+                double *light)
 {
-    rl_template(transmission, window->begin_s, window->end_s, window->rows, window->light);
+    rl_template(transmission, window->begin_s, window->end_s, window->rows, light);
 }
 
 static void open_channel(struct rl_window *window, int channel, bool is_dimmer, double from_s,
@@ -83,8 +84,7 @@ static double fit_channel(struct rl_window *window, const double *light)
     return window->fit.log_likelihood - window->whitened.null;
 }
 
-/* Fit light, as all channels see it; leave the fit of the one in which it explains most. */
-static double fit(struct rl_window *window, const double *light)
+double rl_window_fit(struct rl_window *window, const double *light)
 {
     double most = fit_channel(window, light), sum = most;
     struct rl_gain best = window->fit;
@@ -103,26 +103,21 @@ static double fit(struct rl_window *window, const double *light)
     return rl_window_null(window) + sum;
 }
 
-double rl_window_try_light(struct rl_window *window)
-{
-    return fit(window, window->light);
-}
-
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    lay_light(window, transmission);
-    return fit(window, window->light);
+    lay(window, transmission, window->light);
+    return rl_window_fit(window, window->light);
 }
 
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later)
 {
-    lay_light(window, transmission);
+    lay(window, transmission, window->light);
     /* A marker that is not there looks as a dark one. */
     for (int row = 0; row < window->rows; row++) {
         window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
     }
-    return fit(window, window->part);
+    return rl_window_fit(window, window->part);
 }
 
 double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
@@ -130,32 +125,30 @@ double rl_window_try_stretch(struct rl_window *window, const struct rl_transmiss
 {
     struct rl_transmission other = *transmission;
     other.bits = bits;
-    lay_light(window, transmission);
-    memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
-    lay_light(window, &other);
+    lay(window, transmission, window->part);
+    lay(window, &other, window->light);
     for (int row = 0; row < window->rows; row++) {
         if (window->begin_s[row] >= from_s && window->begin_s[row] < to_s) {
             window->part[row] = window->light[row];
         }
     }
-    return fit(window, window->part);
+    return rl_window_fit(window, window->part);
 }
 
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,
                          const struct rl_transmission *other)
 {
-    lay_light(window, one);
-    memcpy(window->part, window->light, (size_t)window->rows * sizeof *window->part);
-    lay_light(window, other);
+    lay(window, one, window->part);
+    lay(window, other, window->light);
     for (int row = 0; row < window->rows; row++) {
         window->light[row] = fmax(window->light[row] + window->part[row] - 1.0, 0.0);
     }
-    return fit(window, window->light);
+    return rl_window_fit(window, window->light);
 }
 
 void rl_window_add(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    lay_light(window, transmission);
+    lay(window, transmission, window->light);
     if (window->whitened.interferers < RL_MAX_INTERFERERS) {
         rl_add_interferer(&window->whitened, window->light);
     }
@@ -172,7 +165,7 @@ static double follow_gain(struct rl_window *window, const double *light)
 
 double rl_window_follow_gain(struct rl_window *window, const struct rl_transmission *transmission)
 {
-    lay_light(window, transmission);
+    lay(window, transmission, window->light);
     double price = follow_gain(window, window->light);
     for (int i = 0; i < window->others; i++) {
         price += follow_gain(&window->other[i], window->light);

@@ -56,8 +56,8 @@ double rl_window_null(const struct rl_window *window);
 /* Log likelihood of a transmission. */
 double rl_window_try(struct rl_window *window, const struct rl_transmission *transmission);
 
-/* The same of the template that `light` holds. */
-double rl_window_try_light(struct rl_window *window);
+/* The same of any light, of each row. `fit` becomes that of the channel in which it is clearest. */
+double rl_window_fit(struct rl_window *window, const double *light);
 
 /* The same if the marker appears in a row of the window (`later`), or vanishes there. */
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
@@ -74,7 +74,7 @@ double rl_window_try_two(struct rl_window *window, const struct rl_transmission 
 /* Find the start and the bit period that are likeliest, near to those given; return the log
  * likelihood. The limits of the bit period are to be set before.
  *
- * half_bits: from the start to the middle of the window
+ * half_bits: from the start to the time that stays where it is if the bit period changes
  */
 double rl_window_refine(struct rl_window *window, struct rl_transmission *transmission,
                         double half_bits);

@@ -10,11 +10,13 @@ def _call(file: str, call: str) -> Part:
 
 
 PARTS = {
-    'earlier packets fitted along': Part('interferers', 'i < interference->count;', 'i < 0;'),
+    'earlier packets fitted along': Part(
+        'interferers', 'interference->marker[i] == i &&', 'false &&'
+    ),
     'earlier packets: as they continue': Part(
         'interferers',
-        'one->form == CONTINUES || one->continues, window',
-        'false && one->continues, window',
+        'one->form == CONTINUES || one->continues;',
+        'false && one->continues;',
     ),
     'earlier packets: with most of their gain, if they continue': Part(
         'interferers', 'is_other ||', 'false ||'
@@ -39,7 +41,7 @@ PARTS = {
         'process_frame', '    judge_next(detector, from_s, to_s);'
     ),
     'expected packets of any ID without a search': _call(
-        'process_frame', '    rl_judge_expected(detector, from_s, to_s);'
+        'process_frame', '    rl_judge_expected(detector, from_s);'
     ),
     'expected packets: no price of a start': Part(
         'decide', 'return judged->is_expected ? RL_COST_OF_CHANCE : 0.0', 'return 0.0'
@@ -106,7 +108,7 @@ PARTS = {
     'lone packets': _call(
         'process_frame', '    search(detector, channels, count, 0, from_s, to_s, -INFINITY);'
     ),
-    'several packets combined': Part('process_frame', 'fold < FOLDS &&', 'fold < 1 &&'),
+    'several packets combined': Part('process_frame', 'round < rounds &&', 'round < 1 &&'),
     'sums of zones': Part('process_frame', 'true, RL_MAX_ZONES, channels', 'true, 1, channels'),
     'sums of zones: erased by zones that vary': Part(
         'samples', '2.0 * variance < ', '0.0 * variance < '
@@ -114,10 +116,8 @@ PARTS = {
     'sums of more than 2x2 zones': Part(
         'process_frame', 'true, RL_MAX_ZONES, channels', 'true, 4, channels'
     ),
-    'word test: bits turned': Part(
-        'bits', 'round < FLIPS && better < enough;', 'round < FLIPS && false;'
-    ),
-    'word test: bits of the search': Part('bits', 'i < judged->hits->sequences;', 'i < 0;'),
+    'word test: bits turned': Part('bits', 'if (gained > better) {', 'if (false) {'),
+    'word test: bits of the search': Part('bits', 'i < judged->hits->sequences &&', 'i < 0 &&'),
     'margin to other IDs': Part(
         'decide',
         'if (verdict->margin < judged->thresholds->margin) {',
@@ -148,9 +148,7 @@ PARTS = {
     ),
     'word test: expected packets': Part('decide', 'word + saved_start(judged) -', 'word -'),
     'word test: bits that are not known': Part('decide', 'fmax(unknown, 0.0)', '0.0 * unknown'),
-    'word test: two packets together': Part(
-        'decide', '- judged->word_before', '- 0.0 * judged->word_before'
-    ),
+    'word test: two packets together': Part('decide', 'judged->word_before;', '0.0;'),
     'word test: unknown bits of what appeared': Part(
         'decide', 'return 2.0 * log(2.0);', 'return log(2.0);'
     ),
@@ -190,7 +188,7 @@ PARTS = {
         'true || samples->interference_removed[channel] ||',
     ),
     'two targets: the marker may be the dimmer one': Part(
-        'observation', 'if (judged->window->column.has_two_targets) {', 'if (false) {'
+        'observation', 'if (judged->window->column.has_two_targets &&', 'if (false &&'
     ),
     'zones: those near the reading only': Part(
         'placement', 'is_near(samples, reading, zone) ?', 'true ?'

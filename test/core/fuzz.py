@@ -171,7 +171,7 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
     samples, view, window = detector.samples, detector.search.view, detector.window
     whitened = window.whitened
     capacity, kept = samples.capacity, samples.kept
-    lanes, residual = (kept + 1) * lib.RL_MAX_LANES, detector.residual
+    lanes = (kept + 1) * lib.RL_MAX_LANES
     blocks = []
     for owner, lengths in (
         (samples, dict.fromkeys(('sum', 'square'), samples.channels)),
@@ -184,8 +184,8 @@ def isolate(lib: Any, libc: Any, detector: Any) -> list[Any]:
         (whitened, dict.fromkeys(('row', 'gain', 'scale', 'signal'), kept)),
         (whitened.interferer, dict.fromkeys(range(len(whitened.interferer)), kept)),
         (window, dict.fromkeys(('light', 'part', 'on_knot'), kept)),
-        (residual, {'saved': kept * samples.channels}),
         (detector, {'values': kept, 'role': kept, 'other': lib.RL_MAX_OTHERS * kept}),
+        (detector, {'saved': samples.channels * kept}),
     ):
         for name, length in lengths.items():
             array = owner[name] if isinstance(name, int) else getattr(owner, name)
