@@ -120,7 +120,7 @@ static bool is_evident(struct rl_case *judged)
                cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
                (window->fit.walk >= RL_WANDERS ? judged->thresholds->wandering : 0.0) +
-               LEFT_OVER * window->whitened.explained;
+               LEFT_OVER * window->strongest->whitened.explained;
 }
 
 /* Price of an unknown bit if the marker has just appeared, as it is judged with each bit again. */

@@ -25,7 +25,7 @@ from retrolidar_ros.sensor.frame import ZoneGrid
 MIN_DB = 6.0  # of the packets that are counted: fainter ones are hardly read by any core
 LAX_BUDGET = 1e5  # false IDs [1/h] without a marker: parts differ sooner where there are many
 LAX_BUDGET_OF_ROOMS = 10.0  # there are some ten times as many wrong IDs, and hardly more are read
-_ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 400, 6, 3, 8, 4, 4
+_ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 200, 6, 3, 8, 4, 4
 _SENDINGS = [('repeating', 'repeating'), ('repeating', 'sequence'), ('sequence', 'sequence')]
 _RATIOS = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the light of two markers in a zone
 _SPEEDS_M_S = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6)
