@@ -5,7 +5,7 @@
 import signal
 import sys
 
-from retrolidar_ros.settings.interrupts import ended_quietly, exit_by
+from retrolidar_ros.settings.interrupts import ended_quietly, exit_by, handle
 
 _DISTRIBUTIONS = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # of libraries with another name
 
@@ -15,7 +15,7 @@ def main() -> int:
     try:
         with ended_quietly():
             from retrolidar_ros.cli.main import main as run
-        signal.signal(signal.SIGTERM, exit_by)
+        handle(exit_by, [signal.SIGTERM])
         return run()
     except ModuleNotFoundError as error:
         name = str(error.name).partition('.')[0]

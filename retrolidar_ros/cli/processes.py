@@ -11,7 +11,7 @@ import subprocess
 from contextlib import suppress
 from pathlib import Path
 
-from retrolidar_ros.settings.interrupts import exit_by
+from retrolidar_ros.settings.interrupts import exit_by, handle
 
 _PATIENCE_S = 5.0
 _LIBC = ctypes.CDLL(None)
@@ -32,7 +32,7 @@ class ProcessGroup:
 
     def __enter__(self) -> ProcessGroup:
         """Turn both signals into SystemExit, so that leaving the block ends the processes."""
-        self._old_handlers = {number: signal.signal(number, exit_by) for number in _ENDING}
+        self._old_handlers = handle(exit_by, _ENDING)
         return self
 
     def __exit__(self, *_: object) -> None:

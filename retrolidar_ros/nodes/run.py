@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 
-from retrolidar_ros.settings.interrupts import REQUESTS, ignore_requests
+from retrolidar_ros.settings.interrupts import handle, ignore_requests
 from retrolidar_ros.settings.printing import printable
 
 
@@ -72,8 +72,7 @@ def _signals() -> int:
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing)
-    for request in REQUESTS:
-        signal.signal(request, lambda *_: None)
+    handle(lambda *_: None)
     return reading
 
 

@@ -3,12 +3,29 @@
 """Termination signals: handled once, so that the clean-up is not cut short."""
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Event
 from types import FrameType
+from typing import Any
 
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def handle(
+    handler: Callable[[int, FrameType | None], object],
+    requests: Sequence[signal.Signals] = REQUESTS,
+) -> dict[signal.Signals, Any]:
+    """Let a function handle termination signals; return their handlers before.
+
+    One that is ignored stays ignored, as SIGHUP by `nohup`; but not SIGINT, which a script ignores
+    for its background jobs unasked: `kill -INT` ends them, as it does those of rclcpp and rclpy.
+    """
+    return {
+        one: signal.signal(one, handler)
+        for one in requests
+        if one is signal.SIGINT or signal.getsignal(one) is not signal.SIG_IGN
+    }
 
 
 def ignore_requests() -> None:
@@ -55,8 +72,8 @@ def termination_noted() -> Iterator[Event]:
 
 
 @contextmanager
-def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    before = {request: signal.signal(request, handler) for request in REQUESTS}
+def _handled_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    before = handle(handler)
     try:
         yield
     finally:

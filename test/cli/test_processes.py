@@ -5,13 +5,15 @@ import select
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from retrolidar_ros.cli import processes
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
+from retrolidar_ros.settings.interrupts import interrupted_once, termination_noted
 
 # Programs of a shell. Descriptor 3 is the life line: it reaches its end when all that hold it,
 # children's children included, have ended.
@@ -101,6 +103,20 @@ def test_an_exception_or_a_signal_ends_them_too_and_passes_on(
         assert caught.value.args == (128 + end,)  # type: ignore[operator]
     assert line.all_gone()
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize('begin', [ProcessGroup, interrupted_once, termination_noted])
+def test_a_hangup_that_nohup_ignores_stays_ignored(
+    tmp_path: Path, begin: Callable[..., Any]
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with begin(*([tmp_path] if begin is ProcessGroup else [])) as begun:
+            signal.raise_signal(signal.SIGHUP)
+            assert begin is not termination_noted or not begun.is_set()
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_a_child_that_ignores_sigint_is_killed(

@@ -242,3 +242,18 @@ def test_a_signal_ends_the_process_in_order(stage: str, number: signal.Signals) 
     assert process.returncode == 0
     assert output.count(b'destroyed') == 1
     assert b'Traceback' not in errors
+
+
+def test_a_node_that_nohup_started_outlives_its_session() -> None:
+    pipe = subprocess.PIPE
+    command = ['nohup', sys.executable, '-c', PROGRAM, 'clean-up']
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe) as process:
+        assert process.stdout is not None
+        lines = iter(process.stdout.readline, b'')
+        assert b'here\n' in lines
+        process.send_signal(signal.SIGHUP)
+        assert [b'here\n' in lines for _ in range(100)] == [True] * 100  # of a second
+        process.send_signal(signal.SIGTERM)
+        output, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert output.count(b'destroyed') == 1
