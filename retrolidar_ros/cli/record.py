@@ -76,9 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
         while (now_s := time.monotonic()) < end_s and not requested.is_set():
             if now_s >= due_s:
                 rate_hz = (monitor.frames - counted) / (_PROGRESS_S + now_s - due_s)
-                problem = source.problem or source.received.silence(received)
+                received, before = source.received, received
+                problem = source.problem or received.silence(before)
                 say(summary(monitor, now_s - begin_s, rate_hz, problem))
-                counted, received, due_s = monitor.frames, source.received, now_s + _PROGRESS_S
+                counted, due_s = monitor.frames, now_s + _PROGRESS_S
             frames, arrival_ns = take_until(min(due_s, end_s)) or ([], 0)
             for frame in frames:
                 stamp_ns = clock.map(frame.sensor_time_us, arrival_ns)

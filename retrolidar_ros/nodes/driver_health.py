@@ -59,12 +59,12 @@ class DriverTally:
 
     def examine(self, source: SerialSource, clock_map: ClockMap) -> Health:
         """Judge the time since the last call, usually a second."""
-        counts, now_s = source.reader.counts, time.monotonic()
+        counts, now_s = source.received, time.monotonic()
         now = self._counts._replace(damaged=counts.damaged)
         new = _Counts(*(later - then for later, then in zip(now, self._then, strict=True)))
         rate = new.frames / (now_s - self._examined_s)
-        silence = source.received.silence(self._received)
-        self._then, self._received, self._examined_s = now, source.received, now_s
+        silence = counts.silence(self._received)
+        self._then, self._received, self._examined_s = now, counts, now_s
         abnormal = 1 - new.normal / new.zones if new.zones else 0.0
         values = {
             'port': source.port,

@@ -19,9 +19,13 @@ from st_board import Board, Zone
 from retrolidar_ros.cli.demo import executable
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.driver_health import DriverTally
 from retrolidar_ros.nodes.listener import Listener
 from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.emulator import VERSION, PortLink
+from retrolidar_ros.sensor.clock import ClockMap
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.wire import FrameReader, WireCounts
 from retrolidar_ros.settings.files import shared_file
 
 STATUS = 'driver: frames'
@@ -103,6 +107,24 @@ def test_the_log_says_once_why_an_open_port_gives_no_frames(system: System) -> N
             system.next_status(STATUS)
         system.node.destroy_timer(noise)
         assert system.log('driver').count('[WARN]') == 2  # /diagnostics repeats them
+
+
+def test_what_comes_while_a_driver_is_examined_is_told_the_next_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Bytes come in a thread of their own, at any moment; here they come when they are counted."""
+    source = SerialSource('port', 9600, FrameReader())
+    source.is_open = True
+    received: list[int] = []
+
+    def count(_: SerialSource) -> WireCounts:
+        received.append(10 * sum(received) + 1)
+        return WireCounts(bytes=received[-1])
+
+    monkeypatch.setattr(SerialSource, 'received', property(count))
+    tally = DriverTally()
+    told = [tally.examine(source, ClockMap()).problems[0][1] for _ in range(3)]
+    assert sum(int(one.split()[4]) for one in told) == received[-1]
 
 
 def test_each_state_of_the_life_cycle(system: System) -> None:
