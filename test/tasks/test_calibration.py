@@ -126,6 +126,13 @@ def test_without_a_marker_there_is_noise_and_advice() -> None:
     assert any(line.startswith('No zone blinks') for line in missing(found))
 
 
+def test_noise_of_ambient_light_does_not_blink_where_no_zone_is_measured() -> None:
+    sensor = replace(SCENE.sensor, noise=Noise(4.6, 0.22, 0.22), abnormal=0.5)
+    found = calibrate(recorded(replace(SCENE, sensor=sensor, ambient=200.0, markers=())))
+    assert found.noise is None
+    assert found.zones == []
+
+
 def test_a_scene_without_noise_is_said_to_have_none() -> None:
     sensor = replace(SCENE.sensor, noise=None)
     advice = missing(calibrate(recorded(replace(SCENE, sensor=sensor)), distance_m=DISTANCE_M))

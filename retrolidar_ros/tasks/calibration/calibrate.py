@@ -118,7 +118,7 @@ def calibrate(recording: Recording, *, distance_m: float | None = None) -> Calib
     if not (np.diff(recording.stamp_ns) > 0).all():
         raise ValueError('the stamps of the frames do not rise: was the clock set while recording?')
     noise = noise_of(recording)
-    law = NoiseLaw() if noise is None else noise.law.lit(noise.light)
+    law = NoiseLaw().lit(recording.ambient) if noise is None else noise.law.lit(noise.light)
     zones = blinking_zones(recording, law)
     read = read_markers(recording, zones, law, frame_period(recording))
     markers = sorted(map(marker_of, read.values()), key=lambda one: -one.snr_db)
