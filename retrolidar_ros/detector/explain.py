@@ -46,7 +46,7 @@ class Explanation:
         detections: Iterable[Detection] = (),
         withheld: int = 0,
     ) -> None:
-        """Take two frames or more, and what was read of them, or withheld if it was all."""
+        """Take a recording, and what was read of it, or withheld if it was all."""
         self.recording = recording
         self._settings = settings
         self._bit_s = settings.values['bit_period']

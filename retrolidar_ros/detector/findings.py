@@ -13,7 +13,7 @@ _MAX_LISTED = 4
 class Cause(Enum):
     """A cause; its value is the template of the sentence with the remedy."""
 
-    FEW_FRAMES = '{frames} frames are too few: a packet takes {packet_s:.1f} s'
+    FEW_FRAMES = 'too few frames, {frames}: a packet takes {packet_s:.1f} s'
     STAMPS = 'the stamps of the frames stand still: record again with a clock that runs'
     FRAME_RATE = (
         'a frame comes every {frame_ms:.1f} ms, but bit_period is {bit_ms:.1f} ms: {frames:.1f} '

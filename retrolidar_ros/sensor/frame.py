@@ -8,6 +8,7 @@ from the sensor. Directions are in the optical frame: x right, y down, z forward
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -192,11 +193,13 @@ def stamps_stand(frames: int, advance_ns: int) -> bool:
 
 
 def frame_period(recording: Recording) -> float:
-    """Return the usual time between successive frames [s], of which some may be lost.
+    """Return the usual time between successive frames [s], of which some may be lost; NaN of one.
 
     By the later of stamp and sensor's clock: stamps of frames that come late, all at once, are too
     near to each other.
     """
+    if len(recording) < 2:
+        return math.nan
     step_ns = np.maximum(np.diff(recording.stamp_ns), 1000 * np.diff(recording.sensor_time_us))
     numbers = recording.sequence.tolist()
     missing = np.array([missing_frames(*pair) for pair in pairwise(numbers)])

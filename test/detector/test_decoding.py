@@ -50,6 +50,15 @@ def test_all_frames_before_an_error_count() -> None:
         next(detections)
 
 
+@pytest.mark.filterwarnings('error')
+def test_a_single_frame_is_said_to_be_too_few() -> None:
+    alone = decoding()
+    assert list(alone.detect(frames()[:1])) == []
+    explanation = alone.explanation()
+    assert list(map(str, explanation.findings())) == ['too few frames, 1: a packet takes 1.3 s']
+    assert len(alone.table(explanation, [])) == 2  # its head, and the thresholds
+
+
 def test_a_table_shows_the_best_of_what_was_rejected() -> None:
     scene = a_scene(start_s=0.0, packets=None, bit_period_s=0.0455)
     source, judging = list(simulate(scene, 6.0)), decoding()
