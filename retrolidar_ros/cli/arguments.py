@@ -3,21 +3,24 @@
 """Values of arguments that several subcommands take."""
 
 import argparse
+import re
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from retrolidar_ros.bag import FRAMES_TOPIC
 from retrolidar_ros.detector.parameters import READING, defaults, load_parameters
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.printing import printable
-from retrolidar_ros.settings.section import ConfigError, quantity
+from retrolidar_ros.settings.section import ConfigError, integer, quantity
+from retrolidar_ros.settings.section import Parser as Parse
 
+T = TypeVar('T')
 _MAX_VALUE = 1e9
 _UNITS = {'bit_period': 'time', 'range_offset': 'length'}
-_METAVARS = {str: 'TEXT', int: 'N', float: 'NUMBER', list: 'ID,ID,…'}
+_METAVARS = {str: 'TEXT', int: 'INTEGER', float: 'NUMBER', list: 'ID,ID,…'}
 
 
 class Parser(argparse.ArgumentParser):
@@ -39,9 +42,19 @@ class Parser(argparse.ArgumentParser):
 
 def measured(kind: str, minimum: float, maximum: float) -> Callable[[str], float]:
     """Return a parser of quantities with units, or bare in the code's unit."""
-    parse = quantity(kind, minimum, maximum, bare=True)
+    return _argument(quantity(kind, minimum, maximum, bare=True))
 
-    def parsed(text: str) -> float:
+
+def whole(minimum: int, maximum: int) -> Callable[[str], int]:
+    """Return a parser of whole numbers within limits."""
+    parse = integer(minimum, maximum)
+    return _argument(
+        lambda text, path: parse(int(text) if re.fullmatch(r'-?\d+', text) else text, path)
+    )
+
+
+def _argument(parse: Parse[T]) -> Callable[[str], T]:
+    def parsed(text: str) -> T:
         try:
             return parse(text, '')
         except ConfigError as error:
@@ -68,7 +81,7 @@ def add_port(command: argparse.ArgumentParser) -> None:
         one = declared()['driver'][name]
         command.add_argument(
             option,
-            type=type(one.default),
+            type=partial(_value, 'driver', name),
             choices=one.among or None,
             default=one.default,
             help=f'{one.summary()} (default: %(default)s)',
@@ -96,12 +109,12 @@ def add_detector_options(command: argparse.ArgumentParser) -> None:
             how = {'action': 'store_const', 'const': True}
         elif not one.among:
             metavar = _UNITS.get(name, _METAVARS[kind]).upper()
-            how = {'type': partial(_value, name), 'metavar': metavar}
+            how = {'type': partial(_value, 'detector', name), 'metavar': metavar}
         options.add_argument(option, dest=name, help=description, **how)
 
 
-def _value(name: str, text: str) -> Any:
-    one = declared()['detector'][name]
+def _value(node: str, name: str, text: str) -> Any:
+    one = declared()[node][name]
     kind = type(one.default)
     try:
         if name in _UNITS:

@@ -41,11 +41,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate from a bag, as far as it can be read."""
-    frames, damage = salvage_frames(arguments.bag, arguments.topic)
-    found = calibrate(Recording.of(frames), distance_m=arguments.distance)
     source, output = arguments.bag.name, arguments.output
     if output.is_file():
         raise ValueError(f'{output} is a file; name a directory with -o')
+    frames, damage = salvage_frames(arguments.bag, arguments.topic)
+    found = calibrate(Recording.of(frames), distance_m=arguments.distance)
     output.mkdir(exist_ok=True)
     (output / 'calibration.yaml').write_text(parameter_file(found, source), encoding='utf-8')
     _draw(found, output / 'calibration.png', source)

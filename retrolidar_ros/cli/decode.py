@@ -14,6 +14,7 @@ from retrolidar_ros.cli.arguments import add_bag, add_detector_options, detector
 from retrolidar_ros.detector import Detection
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Track
+from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Finding
 
 NOTHING_READ = 3  # exit code
@@ -52,13 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
             print(header)
         print(line)
     sys.stdout.flush()
-    print_hints(decoding, describe=arguments.explain)
+    print_hints(decoding, decoding.explanation(), describe=arguments.explain)
     return 0 if decoding.detections else NOTHING_READ
 
 
-def print_hints(decoding: Decoding, *, describe: bool = False) -> list[Finding]:
+def print_hints(
+    decoding: Decoding, explanation: Explanation, *, describe: bool = False
+) -> list[Finding]:
     """Print to standard error, and return, why markers are not read; zones on demand."""
-    explanation = decoding.explanation()
     findings = explanation.findings()
     lines = [str(one) for one in findings]
     if describe:

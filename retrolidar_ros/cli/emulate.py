@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from retrolidar_ros.bag import STORAGES
-from retrolidar_ros.cli.arguments import measured, output_path, seconds
-from retrolidar_ros.scene.description import Waypoint, load_scene, scene_names
+from retrolidar_ros.cli.arguments import measured, output_path, seconds, whole
+from retrolidar_ros.scene.description import MAX_SEED, Waypoint, load_scene, scene_names
 from retrolidar_ros.scene.emulator import emulate, record
 from retrolidar_ros.settings.interrupts import interrupted_once
 
@@ -43,7 +43,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar=('X', 'Y', 'Z'),
         help='position of the sensor in the scene [m]',
     )
-    command.add_argument('--seed', type=int, help="seed of the noise (default: the scene's)")
+    command.add_argument(
+        '--seed', type=whole(0, MAX_SEED), help="seed of the noise (default: the scene's)"
+    )
     command.add_argument(
         '--start',
         type=measured('time', -1e9, 1e9),

@@ -36,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     for detections, followed in decoding.steps(frames, follow=True):
         readings += detections
         tracks += followed
-    hints = print_hints(decoding)
+    explanation = decoding.explanation()
+    hints = print_hints(decoding, explanation)
     plot_readings(
         Recording.of(frames),
         readings,
@@ -44,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         tracks=tracks,
         title=f'{arguments.bag.name}: {len(frames)} frames, {len(readings)} readings',
         hint=str(hints[0]) if hints else '',
-        blinking=() if readings else decoding.explanation().zones,
+        blinking=() if readings else explanation.zones,
     )
     print(f'{arguments.output}: {len(frames)} frames, {len(readings)} readings')
     if damage is not None:

@@ -27,6 +27,7 @@ from retrolidar_ros.settings.section import (
 )
 
 NEAREST_M = 1e-3
+MAX_SEED = 2**63 - 1
 MARKER_SIZE_M = 0.03  # edge of the paper's retroreflector (§5)
 SIGNAL_AT_1_M = 360.0
 """Of 9 cm² facing the sensor [kcps/SPAD], from paper §3.2 and §4: a bare retroreflector of that
@@ -225,7 +226,7 @@ class Marker:
     occlusion: Annotated[Occlusion | None, mapping(Occlusion, _check_occlusion)] = None
 
     def __post_init__(self) -> None:
-        """Name it, and place it at the begin of its path."""
+        """Name it, and place it at the beginning of its path."""
         if self.path and math.isnan(self.position_m[2]):
             object.__setattr__(self, 'position_m', self.path[0].position_m)
         object.__setattr__(self, 'name', self.name or f'marker_{self.id}')
@@ -261,7 +262,7 @@ class Scene:
     """Everything that a simulation computes."""
 
     description: Annotated[str, text] = ''
-    seed: Annotated[int, integer(0, 2**63 - 1)] = 0
+    seed: Annotated[int, integer(0, MAX_SEED)] = 0
     duration_s: Annotated[float, quantity('time', 0.1)] = 30.0
     sensor: Annotated[Sensor, mapping(Sensor, _check_sensor)] = Sensor()
     markers: Annotated[tuple[Marker, ...], each(mapping(Marker, _check_marker))] = ()

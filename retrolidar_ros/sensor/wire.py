@@ -162,7 +162,7 @@ class Splitter:
         """Start between pieces, none of which is longer than `longest` bytes."""
         self._delimiter = delimiter
         self._longest = longest
-        self._begun = b''  # the begin of a piece
+        self._begun = b''  # the beginning of a piece
         self._is_discarding = False  # the rest of a piece that is too long
 
     def split(self, data: bytes) -> Iterator[bytes | None]:

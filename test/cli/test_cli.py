@@ -5,12 +5,14 @@ import re
 import shutil
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from retrolidar_ros.cli.main import main
 from retrolidar_ros.detector import METHODS
+from retrolidar_ros.detector.decoding import Decoding
 
 FIELDS = (
     'stamp id x y z range range_stddev snr evidence decision_margin score bit_period '
@@ -105,7 +107,8 @@ def test_a_damaged_bag_is_used_up_to_the_damage(bag: Path, tmp_path: Path, capsy
         ('decode BAG --topic /x', '.*/retrolidar/frames .retrolidar_ros/msg/Frame'),
         ('decode BAG --params no.yaml', 'no.yaml cannot be read: No such file or directory'),
         ('plot BAG -o .', r'\. is a directory; name a PNG file'),
-        ('calibrate BAG -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
+        # Before a long calibration.
+        ('calibrate nowhere -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
         ('emulate nowhere', '.*no scene nowhere'),
         ('emulate coffee', 'emulate needs --port-link .* see retrolidar emulate --help'),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
@@ -130,6 +133,17 @@ def test_unusable_input_is_a_line(bag: Path, arguments: str, message: str, capsy
         ('emulate coffee --bag bag --duration nan', "'nan' is"),
         ('plot bag -o no/such/x.png', 'there is no directory no/such; make it first'),
         ('watch port --bit-period 11', '11.0 is not within'),
+        (
+            'watch port --duration 0.1 --baud=-5',
+            '--baud: serial_baud: -5 is not within 9600 to 12000000',
+        ),
+        (
+            'record port -o bag --duration 0.1 --baud 12000001',
+            '12000001 is not within 9600 to 12000000',
+        ),
+        ('watch port --duration 0.1 --baud fast', '--baud: fast is no INTEGER'),
+        ('emulate coffee --seed=-1', '--seed: -1 is impossible; 0 to 9223372036854775807'),
+        ('emulate coffee --seed 1.5', "--seed: '1.5' is not a whole number"),
         ('ids', 'one of the arguments --count --check is required'),
         ('ids --count 3 --check 3,17', 'not allowed with'),
         ('decode bag --max-packts=3', '--max-packts=3; did you mean --max-packets?'),
@@ -144,6 +158,17 @@ def test_arguments_that_do_not_fit(arguments: str, message: str, capsys: Output)
     assert error.startswith(f'{command}: ')
     assert message in error
     assert more == f'See {command} --help'
+
+
+def test_a_picture_is_explained_once(
+    bag: Path, tmp_path: Path, capsys: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    explain = Mock(wraps=Decoding.explanation)
+    monkeypatch.setattr(Decoding, 'explanation', lambda decoding: explain(decoding))
+    arguments = ['--registered-ids', '5', '-o', str(tmp_path / 'picture.png')]
+    assert main(['plot', str(bag), *arguments]) == 3
+    assert 'would be read if registered_ids held it' in capsys.readouterr().err
+    assert explain.call_count == 1
 
 
 def test_versions_scenes_and_units(bag: Path, capsys: Output) -> None:

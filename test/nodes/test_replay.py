@@ -185,7 +185,7 @@ def test_decoding_the_bag_reads_what_was_read_live(live: Listener, bag: Path) ->
 
 
 def test_the_command_replays_at_times_of_the_bag(live: Listener, bag: Path, tmp_path: Path) -> None:
-    """To a detector with the defaults, three times as fast, and again from the begin."""
+    """To a detector with the defaults, three times as fast, and again from the beginning."""
     frames = [message for message, _ in live.frames]
     with running(tmp_path, '/command') as system:
 
