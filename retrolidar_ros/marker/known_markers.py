@@ -49,6 +49,12 @@ class KnownMarker:
         object.__setattr__(self, 'frame', self.frame or frame_of(self.id, {}))
 
 
+def usual_id(frame: str) -> int | None:
+    """Return the ID of the marker that has a frame unless its file names it; None of another."""
+    found = _USUAL_FRAME.fullmatch(frame)
+    return int(found[1]) if found else None
+
+
 def frame_of(marker_id: int, known: Mapping[int, KnownMarker]) -> str:
     """Return the TF frame of a marker, known or not."""
     return known[marker_id].frame if marker_id in known else f'marker_{marker_id}'
@@ -71,10 +77,10 @@ def _markers(value: Any, path: str) -> dict[int, KnownMarker]:
         known[identity] = mapping(KnownMarker, id=identity)(one, f'{path}.{identity}')
     owners: dict[str, int] = {}
     for marker in known.values():
-        usual = _USUAL_FRAME.fullmatch(marker.frame)
-        if usual and int(usual[1]) != marker.id:
+        usual = usual_id(marker.frame)
+        if usual not in (None, marker.id):
             raise ConfigError(
-                f'{path}.{marker.id}.frame: {marker.frame} is what marker {usual[1]} is called'
+                f'{path}.{marker.id}.frame: {marker.frame} is what marker {usual} is called'
             )
         other = owners.setdefault(marker.frame, marker.id)
         if other != marker.id:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `landmarks` node: objects with markers in a fixed frame, or a robot among known ones."""
 
-import re
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from retrolidar_ros.detector.parameters import known_markers
-from retrolidar_ros.marker.known_markers import KnownMarker, objects_of
+from retrolidar_ros.marker.known_markers import KnownMarker, objects_of, usual_id
 from retrolidar_ros.nodes.conversion import Marked, to_pose_msg
 from retrolidar_ros.nodes.detection_subscriber import TransformedDetections
 from retrolidar_ros.nodes.diagnostics import WARN, DiagnosticsPublisher, Health
@@ -57,13 +57,13 @@ class LandmarksNode(Node):
                 check_target(Path(values['save_file']))
             except ValueError as error:
                 raise ValueError(f'save_file: {error}') from error
-        names = sorted({*known, *objects})
-        self._owners = {topic: name for name, topic in topics_of('~/objects/', names).items()}
-        self._survey = Survey(objects, errors, known)
+        self._objects = objects
+        self._owners = _owners({*known, *objects})
+        self._survey = Survey(objects, errors, {} if values['localize'] else known)
         self._room = None
         if values['localize']:
-            usual = (int(name[7:]) for name in known if re.fullmatch(r'marker_\d+', name))
-            lone = (one for one in (*map(KnownMarker, usual), *markers.values()) if not one.object)
+            usual = [KnownMarker(one) for name in known if (one := usual_id(name)) is not None]
+            lone = (one for one in (*usual, *markers.values()) if not one.object)
             alone: dict[str, dict[int, Floats]] = {one.frame: {one.id: np.zeros(3)} for one in lone}
             self._room = room_of(known, alone | objects, errors, flat=values['flat'])
             self._pose = publisher(self, PoseWithCovarianceStamped, '~/pose', STREAM)
@@ -86,7 +86,7 @@ class LandmarksNode(Node):
             child_frame_of(values),
             values['publish_tf'],
         )
-        for estimate in [] if values['localize'] else self._survey.estimates():
+        for estimate in self._survey.estimates():
             self._topics.publish(estimate)
         aim = f'placing markers in {self._fixed}'
         if values['localize']:
@@ -172,11 +172,14 @@ class LandmarksNode(Node):
         return response
 
     def _forget(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._survey.forget()
-        self._topics.forget()
         self._restart()
         response.success = True
-        response.message = 'all landmarks are forgotten; files stay'
+        response.message = 'the pose is forgotten; the landmarks of load_file stay'
+        if self._room is None:
+            self._survey.forget()
+            self._topics.forget()
+            self._owners = _owners(self._objects)
+            response.message = 'all landmarks are forgotten; files stay'
         return response
 
     def _restart(self) -> None:
@@ -211,3 +214,8 @@ class LandmarksNode(Node):
         if not rows:
             problems.append((WARN, 'nothing is placed yet'))
         return Health(problems, values, f'{len(rows)} placed')
+
+
+def _owners(names: Iterable[str]) -> dict[str, str]:
+    """Return names by their topics; ValueError if two would share one."""
+    return {topic: name for name, topic in topics_of('~/objects/', sorted(names)).items()}

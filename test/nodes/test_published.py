@@ -165,6 +165,8 @@ def test_a_robot_is_localised_among_the_landmarks_of_a_file(tmp_path: Path) -> N
         answer = system.services.trigger('landmarks/save')
         assert not answer.success
         assert 'while localising no map is made' in answer.message
+        answer = system.services.trigger('landmarks/forget')
+        assert answer.message == 'the pose is forgotten; the landmarks of load_file stay'
     assert known.read_bytes() == before
 
 
@@ -305,3 +307,21 @@ def test_a_second_marker_of_a_name_and_names_of_one_topic_are_refused(hall: Syst
     system.wait(both, 'both refusals')
     assert poses
     assert all(squared(one, MUG_M) < 16.27 for one in poses)
+
+
+def test_a_forgotten_name_leaves_its_topic_to_another(hall: System) -> None:
+    system, at_m = hall, np.zeros(3)
+    hand = Hand(system)
+    poses = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/c_d')
+
+    def found(name: str, identity: int) -> bool:
+        hand.read(name, identity, MUG_M, at_m)
+        return bool(poses)
+
+    system.wait(lambda: found('c_d', 8), 'the first of them')
+    answer = system.services.trigger('landmarks/forget')
+    assert (answer.success, answer.message) == (True, 'all landmarks are forgotten; files stay')
+    topic = f'{system.namespace}/landmarks/objects/c_d'
+    system.wait(lambda: system.node.count_publishers(topic) == 0, 'that it is forgotten')
+    poses.clear()
+    system.wait(lambda: found('c.d', 9), 'the other one')
