@@ -15,9 +15,11 @@ from retrolidar_ros.nodes.launching import (
     list_argument,
     node,
     overrides_from,
+    parameter,
     preset,
     value,
 )
+from retrolidar_ros.nodes.parameters import optical_frame, sensor_names
 from retrolidar_ros.nodes.viewing import viewer
 
 
@@ -36,10 +38,8 @@ def _host(context):
     parameters |= {
         name: items for name in ('ports', 'names') if (items := list_argument(context, name))
     }
-    names = parameters.get('names') or [
-        f'sensor{n}' for n in range(len(list_argument(context, 'ports')))
-    ]
-    frame = f'{names[0]}_optical_frame' if names else 'retrolidar_optical_frame'
+    names = sensor_names(parameters.get('names', []), parameters.get('ports', []))
+    frame = optical_frame(names[0]) if names else parameter(context, 'driver', 'frame_id')
     actions += viewer(context, frame, sensors=names)
     remappings = [('markers', value(context, 'markers'))] if value(context, 'markers') else []
     return [*actions, node(context, 'reader', parameters, remappings=remappings)]

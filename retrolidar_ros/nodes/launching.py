@@ -27,17 +27,16 @@ from launch.events.process import ProcessExited, ShutdownProcess
 from launch.launch_context import LaunchContext
 from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.logging import get_logger
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
 
 from retrolidar_ros.detector.parameters import known_markers
 from retrolidar_ros.scene.description import load_scene
+from retrolidar_ros.settings.files import shared_file
 from retrolidar_ros.settings.parameter import declared, file_sections, file_values, misspelled
 
-SHARE = FindPackageShare('retrolidar_ros')
-PARAMETERS = PathJoinSubstitution([SHARE, 'config', 'retrolidar.yaml'])
-MARKERS = PathJoinSubstitution([SHARE, 'config', 'markers.yaml'])
+PARAMETERS = str(shared_file('config/retrolidar.yaml'))
+MARKERS = str(shared_file('config/markers.yaml'))
 _AS_IN_FILE = 'If it is not given, the parameter file decides.'
 
 
@@ -168,9 +167,10 @@ def _warn_of_misspelled(path: Path) -> None:
 
 
 def parameter(context: LaunchContext, kind: str, name: str) -> Any:
-    """Return a launch argument, or the parameter of a node of that name, as the file has it."""
+    """Return a launch argument, if there is one, or the parameter of a node, as the file has it."""
     default = declared()[kind][name].default
-    return value(context, name) or _file_values(context, kind).get(name, default)
+    given = context.launch_configurations.get(name)
+    return given or _file_values(context, kind).get(name, default)
 
 
 def node(
@@ -224,7 +224,7 @@ def sensor(**arguments: Any) -> IncludeLaunchDescription:
     arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
     arguments['rviz'] = 'false'  # the launch file that includes it starts RViz
     return IncludeLaunchDescription(
-        PathJoinSubstitution([SHARE, 'launch', 'retrolidar.launch.py']),
+        str(shared_file('launch/retrolidar.launch.py')),
         launch_arguments=arguments.items(),
     )
 

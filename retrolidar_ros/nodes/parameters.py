@@ -93,6 +93,16 @@ class Parameters:
                 )
 
 
+def sensor_names(names: Sequence[str], ports: Sequence[str]) -> list[str]:
+    """Return the names of the sensors of one process, by default numbered."""
+    return list(names) or [f'sensor{index}' for index in range(len(ports))]
+
+
+def optical_frame(name: str) -> str:
+    """Return the TF frame of one of several sensors."""
+    return f'{name}_optical_frame'
+
+
 def check_frame_id(name: str, value: str) -> str:
     """Return the name of a TF frame; ValueError for one that TF does not accept."""
     if not value:

@@ -10,8 +10,8 @@ from rclpy.parameter import Parameter
 from retrolidar_ros.nodes.detector import DetectorNode
 from retrolidar_ros.nodes.diagnostics import DiagnosticsPublisher
 from retrolidar_ros.nodes.driver import DriverNode
-from retrolidar_ros.nodes.parameters import NAME, Parameters
-from retrolidar_ros.nodes.qos import topic_part
+from retrolidar_ros.nodes.parameters import NAME, Parameters, optical_frame, sensor_names
+from retrolidar_ros.nodes.qos import topics_of
 from retrolidar_ros.nodes.transforms import TransformSender
 
 
@@ -19,13 +19,13 @@ def create_nodes() -> list[Node]:
     """Return the nodes of the process, drivers first; ValueError for impossible parameters."""
     reader = Node('reader')
     values = Parameters(reader, 'reader').values
-    ports, names = values['ports'], values['names']
-    names = names or [f'sensor{index}' for index in range(len(ports))]
+    ports = values['ports']
+    names = sensor_names(values['names'], ports)
     if len(names) != len(ports):
         raise ValueError(f'names: {len(names)} of them for {len(ports)} ports')
-    for what, given in (('names', [topic_part(name) for name in names]), ('ports', ports)):
-        if len(set(given)) < len(given):
-            raise ValueError(f'{what}: {", ".join(given)} are not all different')
+    spaces = topics_of(f'{reader.get_namespace().rstrip("/")}/', names)
+    if len(set(ports)) < len(ports):
+        raise ValueError(f'ports: {", ".join(ports)} are not all different')
     board, sender = DiagnosticsPublisher(reader), TransformSender(reader)
     if not ports:
         detector = DetectorNode(board, sender)
@@ -33,10 +33,9 @@ def create_nodes() -> list[Node]:
     drivers: list[Node] = []
     detectors: list[Node] = []
     for name, port in zip(names, ports, strict=True):
-        space = f'{reader.get_namespace().rstrip("/")}/{topic_part(name)}'
-        detector = DetectorNode(board, sender, **_options(space, child_frame=f'{name}_{NAME}'))
-        frame_id = f'{name}_optical_frame'
-        options = _options(space, serial_port=port, frame_id=frame_id)
+        named = _options(spaces[name], child_frame=f'{name}_{NAME}')
+        detector = DetectorNode(board, sender, **named)
+        options = _options(spaces[name], serial_port=port, frame_id=optical_frame(name))
         drivers.append(DriverNode(detector.process_frame, board, **options))
         detectors.append(detector)
     return [*drivers, *detectors, reader]

@@ -148,6 +148,7 @@ class TestArguments(unittest.TestCase):
             ('coffee', {'emulate': 'arm'}, arm, 'base_link'),
             ('landmarks', {}, {*arm, 'landmarks/marker_array'}, 'base_link'),
             ('two_sensors', {}, both, 'left_optical_frame'),
+            ('hall', {'params_file': str(SECTIONS)}, of_sensor, 'own'),
             ('hall', {'ports': '[/a, /b]', 'names': '[left, right]'}, both, 'left_optical_frame'),
         ):
             with self.subTest(name=name), pretend_that_rviz_is_installed():

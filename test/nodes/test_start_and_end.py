@@ -101,6 +101,11 @@ def refuse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., l
         ),
         ('heartbeat', '-p markers:=[]', 'markers: there is no name'),
         ('reader', '-p ports:=[/a,/b] -p names:=[x]', 'names: 1 of them for 2 ports'),
+        (
+            'reader',
+            '-p ports:=[/a,/b] -p names:=[a.b,a_b]',
+            'a.b and a_b would share the topic /a_b: rename one of them',
+        ),
         ('reader', '-p ports:=[/a,/a]', 'ports: /a, /a are not all different'),
         ('reader', '-p frame_id:=/odom', "'/odom' begins with a slash, which tf2 refuses"),
     ],
