@@ -18,7 +18,7 @@ from retrolidar_ros.cli import main as cli
 from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.sensor import wire
-from retrolidar_ros.settings.files import load_yaml
+from retrolidar_ros.settings.files import load_yaml, shared_file
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
@@ -210,8 +210,9 @@ def test_every_launch_argument(path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert sorted(declared) == sorted(documented)
     for name, default in declared.items():
         texts = documented[name].split(', ')
-        # Paths are substitutions, and a default that depends on the launch file names it.
-        if isinstance(default, str) and ':' not in documented[name]:
+        default = default.removeprefix(f'{shared_file("package.xml").parent}/')
+        # A default that depends on the launch file names it.
+        if ':' not in documented[name]:
             assert (default or 'none') in texts or texts == [default], name
 
 
@@ -224,7 +225,8 @@ def test_every_topic() -> None:
             if isinstance(first, ast.Constant):
                 published.add(str(first.value).strip('~/'))
         for call in calls(path, 'topics_of'):
-            published.add(str(ast.literal_eval(call.args[0])).strip('~/'))
+            if isinstance(call.args[0], ast.Constant):  # not the namespaces of a reader
+                published.add(str(call.args[0].value).strip('~/'))
     topics = {quoted(cells[0])[0] for cells in rows(REFERENCE, 'topic')}
     unknown = [one for one in published if not any(f'/{one}/' in f'{topic}/' for topic in topics)]
     assert not unknown
