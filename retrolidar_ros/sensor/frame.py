@@ -23,6 +23,7 @@ from retrolidar_ros.sensor.model import VL53L8CX
 Floats: TypeAlias = NDArray[np.floating]
 
 IS_NORMAL: NDArray[np.bool_] = np.isin(np.arange(256), VL53L8CX.valid)  # by status
+_SHAPES = ((4, 4), (8, 8))  # rows, columns; the core takes 64 zones at most
 _COUNTER = 2**32
 FRAMES_A_BIT = (0.95, 9.0)  # how many frames a bit lasts at least and at most, if it is to be read
 _JUDGED_FRAMES = 10
@@ -54,7 +55,7 @@ class ZoneGrid:
 
     def __post_init__(self) -> None:
         """Raise ValueError for a shape that the sensor does not have."""
-        if (self.rows, self.columns) not in VL53L8CX.shapes:
+        if (self.rows, self.columns) not in _SHAPES:
             raise ValueError(f'{self.rows}x{self.columns} zones: the sensor has 4x4 or 8x8')
 
     @property
@@ -104,7 +105,7 @@ class ZoneGrid:
         return 1 / mean_secant
 
 
-GRIDS = {shape: ZoneGrid(*shape) for shape in VL53L8CX.shapes}  # the usual grid of each shape
+GRIDS = {shape: ZoneGrid(*shape) for shape in _SHAPES}  # the usual grid of each shape
 
 
 @dataclass(frozen=True, eq=False)

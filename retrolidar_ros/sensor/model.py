@@ -61,7 +61,6 @@ class NoiseLaw:
 class SensorModel:
     """A sensor that measures signal and distance in zones; by default, a VL53L8CX."""
 
-    shapes: tuple[tuple[int, int], ...] = ((4, 4), (8, 8))  # rows, columns; at most 64 zones
     field_of_view: float = 4 * 0.21498  # all zones as a tangent (46.5°); lenses differ a little
     zone_blur: float = 0.0  # deviation of the optics' blur in widths of a zone; 0 = not known
     range_offset_m: float = 0.0  # by how much it measures all ranges too long [m]

@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from retrolidar_ros.sensor.frame import Frame, ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX, Status
+from retrolidar_ros.sensor.frame import GRIDS, Frame, ZoneGrid
+from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import Reader, Splitter
 
 MAX_LINE_BYTES = 512  # one of eight cells has 258, if its numbers have five digits
@@ -76,7 +76,7 @@ class _Table:
             return False
         self._lines.append(cells)
         columns = len(self._lines[0])
-        if (columns, len(cells)) not in VL53L8CX.shapes or not line.endswith('|'):
+        if (columns, len(cells)) not in GRIDS or not line.endswith('|'):
             raise ValueError(f'a line of {len(cells)} cells')
         return len(self._lines) == columns * (1 + self._has_light)
 

@@ -3,6 +3,7 @@
 """Zones look where the geometry says, rotations turn, recordings hold frames, noise has its law."""
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from retrolidar_ros.core import ffi
+from retrolidar_ros.detector.likelihood_detector import core_sensor
 from retrolidar_ros.sensor.frame import (
     Floats,
     Frame,
@@ -20,7 +23,7 @@ from retrolidar_ros.sensor.frame import (
     stamps_stand,
     valid_samples,
 )
-from retrolidar_ros.sensor.model import NoiseLaw, Status
+from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw, SensorModel, Status
 from retrolidar_ros.sensor.rotation import matrix_of, quaternion_of
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
@@ -130,6 +133,17 @@ def test_ambient_light_raises_the_floor() -> None:
     assert lit.variance(np.array(0.0)) == pytest.approx(law.floor + 10 * law.ambient)
     assert lit.slope == law.slope
     assert law.lit([3.0, np.nan, np.inf, -5.0]).floor == law.floor + 0.75 * law.ambient
+
+
+@pytest.mark.parametrize('name', [field.name for field in fields(SensorModel)])
+def test_the_core_is_told_every_field_of_a_sensor(name: str) -> None:
+    def told(model: SensorModel) -> bytes:
+        grid = ZoneGrid(4, 4, view=model.field_of_view)
+        return bytes(ffi.buffer(core_sensor(model, grid)))
+
+    other: dict[str, Any] = {'noise': NoiseLaw(9.0), 'valid': (1,), 'nothing': (2,), 'faint': (3,)}
+    value = other[name] if name in other else 0.5 * getattr(VL53L8CX, name) + 0.1
+    assert told(replace(VL53L8CX, **{name: value})) != told(VL53L8CX)
 
 
 def test_missing_frames_are_counted_and_stamps_that_stand_are_known() -> None:
