@@ -49,30 +49,19 @@ class FrameWriter:
     ) -> None:
         """Prepare a bag, made on entering the block; BagError if that is not possible."""
         try:
-            from rosbags import interfaces, rosbag2
+            from rosbags import rosbag2
         except ImportError as error:
             raise BagError(f'writing a bag needs the rosbags library: {INSTALL}') from error
         self._errors = (OSError, sqlite3.Error, struct.error, rosbag2.WriterError)
         if storage not in STORAGES:
             raise BagError(f'storage {storage!r} is not {" or ".join(STORAGES)}')
         with self._bag_errors():
-            # Version 8 is the last whose QoS profiles ROS 2 Humble can read.
+            # Version 8 is the last that ROS 2 Humble can read. Without a QoS profile, `ros2 bag
+            # play` offers a reliable topic of depth 10.
             self._writer = rosbag2.Writer(
                 path, version=8, storage_plugin=rosbag2.StoragePlugin[storage.upper()]
             )
             self._types = _type_store()
-        unspecified = interfaces.QosTime(0, 0)
-        self._qos = interfaces.Qos(
-            history=interfaces.QosHistory.KEEP_LAST,
-            depth=10,
-            reliability=interfaces.QosReliability.RELIABLE,
-            durability=interfaces.QosDurability.VOLATILE,
-            deadline=unspecified,
-            lifespan=unspecified,
-            liveliness=interfaces.QosLiveliness.AUTOMATIC,
-            liveliness_lease_duration=unspecified,
-            avoid_ros_namespace_conventions=False,
-        )
         self._storage = storage
         self._topic = topic
         self._frame_id = frame_id
@@ -91,7 +80,7 @@ class FrameWriter:
         with self._bag_errors():
             self._writer.open()
             self._connection = self._writer.add_connection(
-                self._topic, FRAME_TYPE, typestore=self._types, offered_qos_profiles=[self._qos]
+                self._topic, FRAME_TYPE, typestore=self._types
             )
         return self
 
