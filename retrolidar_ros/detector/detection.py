@@ -4,15 +4,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from retrolidar_ros.core import ffi, lib
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 
 MAX_TRACKS = int(lib.RL_MAX_TRACKS)
 
@@ -38,11 +37,6 @@ class Place:
     covariance: Floats  # of x, y, z [m²] and rotations about these axes [rad²], shape (6, 6)
     range_m: float  # radial distance
     range_stddev_m: float
-
-    @property
-    def stddev_m(self) -> float:
-        """Deviation of the position along the axis in which it is largest."""
-        return largest_stddev(self.covariance[:3, :3])
 
 
 def place(bearing: Bearing, range_m: float, range_stddev_m: float) -> Place:
@@ -147,26 +141,6 @@ class Candidate(NamedTuple):
     evidence: float  # [nats]; like the next two 0 if it was rejected before
     word: float  # log likelihood of the best other sequence of bits less its own [nats]
     margin: float  # [nats]
-
-
-class Detector(Protocol):
-    """Every method: frames in, detections out; ValueError for frames of another zone grid."""
-
-    candidates: Sequence[Candidate]  # judged in the latest update; none by method `paper`
-    thresholds: Thresholds | None  # of its decision; None by method `paper`
-
-    @property
-    def counts(self) -> DetectorCounts:
-        """What was counted so far."""
-
-    def update(self, frame: Frame) -> list[Detection]:
-        """Take the next frame; return the detections that became certain with it."""
-
-    def update_all(self, recording: Recording) -> list[Detection]:
-        """Take many frames; return the detections that became certain with them."""
-
-    def follow(self, frame: Frame) -> list[Track]:
-        """Return the markers at the newest frame, followed from the first call on; `joint` does."""
 
 
 def check_grid(grid: ZoneGrid, expected: ZoneGrid) -> None:

@@ -3,11 +3,12 @@
 """The detection methods by name, and the thresholds for a budget of false IDs per hour."""
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrolidar_ros.detector.detection import Detector, Thresholds
+from retrolidar_ros.detector.detection import Thresholds
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.paper_detector import LIKELIHOOD_THRESHOLD, PaperDetector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, IDS, RESERVED_IDS, check_ids
@@ -20,6 +21,8 @@ USUAL_FALSE_IDS_PER_HOUR = 0.1
 _USUAL_WORDS = IDS - len(RESERVED_IDS)
 _USUAL_ZONES = 16
 METHODS = ('joint', 'paper')  # the default first
+Detector: TypeAlias = LikelihoodDetector | PaperDetector
+"""Frames in, detections out; ValueError for frames of another zone grid."""
 
 
 def create_detector(
@@ -35,25 +38,9 @@ def create_detector(
 ) -> Detector:
     """Return a new detector; ValueError if there is no such method, or a parameter is impossible.
 
-    Parameters
-    ----------
-    method : str
-        One of `METHODS`.
-    grid : ZoneGrid
-        The zones of the frames.
-    bit_period_s : float
-        How long a marker holds a bit [s].
-    likelihood_threshold : float
-        Minimum likelihood l of a preamble (method `paper`).
-    false_ids_per_hour : float
-        Budget of false IDs per hour, over all zones (method `joint`).
-    max_packets : int
-        How many packets of a repeating marker may be combined, 1 to 8 (method `joint`).
-    registered_ids : array of int, optional
-        The only IDs that are read. With fewer IDs, method `joint` reads farther; `paper` drops
-        others after decoding, and its reach stays the same.
-    sensor : SensorModel
-        Noise, optics and limits of the sensor (method `joint`).
+    Only `registered_ids` are read: by `joint` farther if they are fewer; `paper` drops others after
+    decoding. Method `paper` takes the minimum likelihood l of a preamble; `joint` the budget of
+    false IDs over all zones, how many packets it may combine (1 to 8), and the sensor.
     """
     if method not in METHODS:
         raise ValueError(f'unknown method {method!r}; there is {", ".join(METHODS)}')

@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from retrolidar_ros.detector.detection import Detector
-from retrolidar_ros.detector.methods import create_detector
+from retrolidar_ros.detector.methods import Detector, create_detector
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from retrolidar_ros.detector import Detection
+from retrolidar_ros.detector.detection import largest_stddev
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker
 from retrolidar_ros.scene.optics import position_at, seen_from
@@ -71,6 +72,7 @@ def judge(
             truth = true_position(scene, marker, recording, stamps)
         ranges = np.linalg.norm(truth, axis=1)
         places = [reading.place for reading in own]
+        spreads = [one.covariance[:3, :3] for one in places]
         errors = [one.range_m - true for one, true in zip(places, ranges.tolist(), strict=True)]
         off = [one.position_m - true for one, true in zip(places, truth, strict=True)]
         worst = max(range(len(own)), key=lambda one: float(np.linalg.norm(off[one])), default=None)
@@ -82,11 +84,8 @@ def judge(
                 range_m=float(ranges.mean()) if own else np.nan,
                 error_m=max(errors, key=abs, default=np.nan),
                 place_error_m=np.nan if worst is None else float(np.linalg.norm(off[worst])),
-                place_stddev_m=np.nan if worst is None else places[worst].stddev_m,
-                is_placed=all(
-                    is_inside(vector, one.covariance[:3, :3])
-                    for one, vector in zip(places, off, strict=True)
-                ),
+                place_stddev_m=np.nan if worst is None else largest_stddev(spreads[worst]),
+                is_placed=all(map(is_inside, off, spreads)),
                 snr_db=float(np.median([r.snr_db for r in own])) if own else np.nan,
                 first_reading_s=(own[0].end_ns - origin_ns) * 1e-9 if own else np.nan,
                 has_transforms=identity not in untransformed,
