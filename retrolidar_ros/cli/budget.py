@@ -7,6 +7,7 @@ import json
 import math
 from typing import Any
 
+from retrolidar_ros.marker.power import CELL_MAH
 from retrolidar_ros.scene.marker_budget import SENSOR_REACH_M, SNR, budget
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.settings.section import quantity
@@ -21,7 +22,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         ('size', '3 cm', 'edge of the retroreflector'),
         ('yaw', '0 deg', "angle between the marker's normal and the line of sight"),
         ('distance', '2 m', 'from the sensor'),
-        ('cell', '90 mAh', 'capacity of the battery'),
+        ('cell', f'{CELL_MAH:g} mAh', 'capacity of the battery'),
     ):
         command.add_argument(f'--{name}', default=default, help=f'{what} (default: %(default)s)')
     command.add_argument(

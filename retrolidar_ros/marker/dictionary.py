@@ -35,7 +35,7 @@ def distances(ids: ArrayLike) -> NDArray[np.uint8]:
     """Return the distances of IDs (n,) at any start bit, (n, n): on the diagonal to themselves."""
     # Bits as ±1: the product of two packets is how many bits agree less how many differ, and as
     # integers below 2^24 are exact in float32, so is the product.
-    signs = 1 - 2 * packet(_listed(ids)).astype(np.float32)
+    signs = 1 - 2 * packet(ids).astype(np.float32)
     agreement = np.full((len(signs), len(signs)), -PACKET_BITS, dtype=np.int8)
     # The other half of the shifts are these with the two IDs exchanged.
     for shift in range(PACKET_BITS // 2 + 1):
@@ -98,7 +98,7 @@ def confusable_pairs(ids: ArrayLike, min_distance: int = SAFE_DISTANCE) -> list[
     twice. Errors are as of `distances` and `choose_ids`.
     """
     _check_distance(min_distance)
-    unique, occurrences = np.unique(_listed(ids), return_counts=True)
+    unique, occurrences = np.unique(check_ids(ids), return_counts=True)
     pairs = [ConfusablePair(marker, marker, 0, 0) for marker in unique[occurrences > 1].tolist()]
     first, second = np.nonzero(np.triu(distances(unique) < min_distance))
     sent, other = packet(unique[first]), packet(unique[second])
@@ -117,14 +117,6 @@ def _usable_distances() -> NDArray[np.uint8]:
     apart = distances(USABLE_IDS)
     apart.flags.writeable = False
     return apart
-
-
-def _listed(ids: ArrayLike) -> NDArray[np.int64]:
-    """Return IDs as integers of shape (n,), or raise ValueError."""
-    numbers = np.asarray(ids)
-    if numbers.ndim != 1 or not numbers.size:
-        raise ValueError(f'one or more marker IDs in a list are wanted, not shape {numbers.shape}')
-    return check_ids(numbers)
 
 
 def _check_distance(min_distance: int) -> None:

@@ -42,16 +42,11 @@ def needed_light_v(threshold_v: float, noise_v: float) -> float:
 LIGHT_AT_1_M_V = REACH_M**2 * needed_light_v(THRESHOLD_V, NOISE_V['indoors'])
 
 
-def light_v(range_m: Floats, angle_rad: float = 0.0) -> Floats:
-    """Return the voltage of the sensor's light alone [V], at distances (...) [m] and an angle."""
-    return LIGHT_AT_1_M_V * _facing(angle_rad) / np.square(range_m)
-
-
 def voltage_v(
     range_m: Floats, angle_rad: float = 0.0, noise_v: float = NOISE_V['indoors']
 ) -> Floats:
-    """Return the voltage of light and noise [V], shape (...); parameters as of `light_v`."""
-    return np.hypot(noise_v, light_v(range_m, angle_rad))
+    """Return the voltage of light and noise [V], at distances (...) [m] and an angle."""
+    return np.hypot(noise_v, LIGHT_AT_1_M_V * _facing(angle_rad) / np.square(range_m))
 
 
 def wakeup_range_m(
@@ -85,14 +80,16 @@ class Currents:
 PROTOTYPE = Currents()
 
 
-def active_share(queries_per_hour: float, packets: int = 1) -> float:
-    """Return the share of time in which a marker sends; ValueError for impossible queries."""
-    share = queries_per_hour * packets * PACKET_S / _HOUR_S
+def active_share(queries_per_hour: float) -> float:
+    """Return the share of time in which a marker sends a packet a query.
+
+    ValueError for impossible queries.
+    """
+    share = queries_per_hour * PACKET_S / _HOUR_S
     if not 0 <= share <= 1:
-        max_queries = _HOUR_S / (packets * PACKET_S)
         raise ValueError(
-            f'{queries_per_hour:g} queries an hour are impossible; 0 to {max_queries:.0f}, '
-            f'as each takes {packets * PACKET_S:g} s'
+            f'{queries_per_hour:g} queries an hour are impossible; 0 to {_HOUR_S / PACKET_S:.0f}, '
+            f'as each takes {PACKET_S:g} s'
         )
     return share
 

@@ -145,7 +145,7 @@ def test_a_marker_draws_what_the_paper_says_and_lives_as_long(programs: Path) ->
         + looking_us * PROTOTYPE.detection
         + marker.waited_us * PROTOTYPE.active
     ) / hour_us
-    assert mean_ma == pytest.approx(drawn(active_share(1, PACKETS)).total, rel=0.001)
+    assert mean_ma == pytest.approx(drawn(active_share(PACKETS)).total, rel=0.001)
     assert CELL_MAH / mean_ma / 24 > 60  # the paper's two months
 
 

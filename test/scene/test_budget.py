@@ -21,7 +21,6 @@ from retrolidar_ros.marker.power import (
     LARGEST_ANGLE_RAD,
     NOISE_V,
     THRESHOLD_V,
-    light_v,
     voltage_v,
     wakeup_range_m,
 )
@@ -102,7 +101,7 @@ def test_beyond_the_largest_angle_there_is_noise_only() -> None:
     for angle in (math.radians(55.5), -math.radians(56), math.pi / 2):
         assert float(voltage_v(np.array(0.3), angle)) == NOISE_V['indoors']
         assert wakeup_range_m(angle_rad=angle) == 0
-    assert float(light_v(np.array(1.0), math.radians(54.9))) > 0
+    assert float(voltage_v(np.array(1.0), math.radians(54.9))) > NOISE_V['indoors']
 
 
 @given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))
