@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from retrolidar_ros.bag import FRAMES_TOPIC
+from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES
 from retrolidar_ros.detector.parameters import READING, defaults, load_parameters
 from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.printing import printable
@@ -137,6 +137,16 @@ def detector_values(arguments: argparse.Namespace) -> dict[str, Any]:
         **(load_parameters(arguments.params) if arguments.params else {}),
         **{name: value for name, value in given.items() if value is not None},
     }
+
+
+def add_storage(command: argparse.ArgumentParser) -> None:
+    """Add the storage of a bag to write."""
+    command.add_argument(
+        '--storage',
+        choices=STORAGES,
+        default=STORAGES[0],
+        help='storage of the bag (default: %(default)s)',
+    )
 
 
 def add_bag(command: argparse.ArgumentParser) -> None:

@@ -7,8 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from retrolidar_ros.bag import STORAGES
-from retrolidar_ros.cli.arguments import measured, output_path, seconds, whole
+from retrolidar_ros.cli.arguments import add_storage, measured, output_path, seconds, whole
 from retrolidar_ros.scene.description import MAX_SEED, Waypoint, load_scene, scene_names
 from retrolidar_ros.scene.emulator import emulate, record
 from retrolidar_ros.settings.interrupts import interrupted_once
@@ -29,12 +28,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     where.add_argument(
         '--bag', type=output_path, help='write frames at once into a new rosbag2 directory'
     )
-    command.add_argument(
-        '--storage',
-        choices=STORAGES,
-        default=STORAGES[0],
-        help='storage of the bag (default: %(default)s)',
-    )
+    add_storage(command)
     command.add_argument('--duration', type=seconds, help='end after this time [s]')
     command.add_argument(
         '--at',

@@ -10,8 +10,8 @@ import time
 from dataclasses import replace
 from functools import partial
 
-from retrolidar_ros.bag import STORAGES, FrameWriter
-from retrolidar_ros.cli.arguments import add_port, output_path, seconds
+from retrolidar_ros.bag import FrameWriter
+from retrolidar_ros.cli.arguments import add_port, add_storage, output_path, seconds
 from retrolidar_ros.detector.blinking_zones import blinking_zones
 from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.sensor.clock import ClockMap
@@ -35,12 +35,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         '-o', '--output', type=output_path, required=True, metavar='BAG', help='directory to create'
     )
-    command.add_argument(
-        '--storage',
-        choices=STORAGES,
-        default=STORAGES[0],
-        help='storage of the bag (default: %(default)s)',
-    )
+    add_storage(command)
     command.add_argument('--duration', type=seconds, metavar='S', help='end after this time [s]')
 
 
