@@ -143,9 +143,9 @@ struct rl_followed {
     int distance_zone;
     double ranged_s;                /* when the range was measured last */
     int off_scale;                  /* successive bright frames with another light */
-    int strongest;                  /* zone, when the bearing was found ... */
-    int bright_frames;              /* so many frames ago */
-    double amplitude[RL_MAX_ZONES]; /* and the gains then */
+    int strongest;                  /* zone, when it was seen last */
+    int bright_frames;              /* since the bearing was found ... */
+    double amplitude[RL_MAX_ZONES]; /* ... and the gains then */
     struct rl_bearing bearing;
     double shared_s; /* when gains were found last */
     double crossed;  /* chance that it moves across the view */

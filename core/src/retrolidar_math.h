@@ -82,20 +82,6 @@ static inline float rl_select(float *values, int count, int rank)
     return values[rank];
 }
 
-/* Sort some values and return their median, the upper one of two. */
-static inline double rl_median(double *values, int count)
-{
-    for (int i = 1; i < count; i++) {
-        const double value = values[i];
-        int j = i;
-        for (; j > 0 && values[j - 1] > value; j--) {
-            values[j] = values[j - 1];
-        }
-        values[j] = value;
-    }
-    return values[count / 2];
-}
-
 /* One block of memory, from which arrays are taken one after the other. */
 struct rl_memory {
     char *block;   /* NULL while it is only counted how much there must be */

@@ -208,25 +208,26 @@ static void fill_gap(struct rl_samples *samples, int row)
 static void follow_period(struct rl_samples *samples, double step_s)
 {
     const uint32_t newest = sizeof samples->step_s / sizeof *samples->step_s;
-    samples->step_s[samples->steps % newest] = fmax(step_s, MIN_EXPOSURE_S);
+    samples->step_s[samples->steps % newest] = (float)fmax(step_s, MIN_EXPOSURE_S);
     if (++samples->steps % newest == 0) {
-        double steps[sizeof samples->step_s / sizeof *samples->step_s];
+        float steps[sizeof samples->step_s / sizeof *samples->step_s];
         memcpy(steps, samples->step_s, sizeof steps);
         const double share = samples->steps == newest ? 1.0 : 0.2;
-        samples->period_s += share * (rl_median(steps, (int)newest) - samples->period_s);
+        const double median_s = (double)rl_select(steps, (int)newest, (int)newest / 2);
+        samples->period_s += share * (median_s - samples->period_s);
     }
 }
 
 static void follow_ambient(struct rl_samples *samples, const float *ambient)
 {
-    double values[RL_MAX_ZONES];
+    float values[RL_MAX_ZONES];
     int count = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
         if (isfinite(ambient[zone]) && ambient[zone] >= 0.0f) {
             values[count++] = ambient[zone];
         }
     }
-    samples->ambient = count > 0 ? rl_median(values, count) : 0.0;
+    samples->ambient = count > 0 ? (double)rl_select(values, count, count / 2) : 0.0;
 }
 
 void rl_samples_push(struct rl_samples *samples, int64_t stamp_ns, const float *signal,

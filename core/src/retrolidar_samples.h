@@ -54,7 +54,7 @@ struct rl_samples {
     uint64_t impossible; /* samples of a valid status that the sensor cannot measure */
     double last_seen_s[RL_MAX_ZONES];
     float last_signal[RL_MAX_ZONES];
-    double step_s[15]; /* the newest times from frame to frame */
+    float step_s[15]; /* the newest times from frame to frame */
     uint32_t steps;
 };
 
