@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.bench.disturbances import restless_blocks
-from evaluation.bench.reference_scene import marker_in_each_zone
+from evaluation.bench.recordings import dark, record_at
 from evaluation.bench.room_families import pausing, ten_packets
 from evaluation.bench.room_scene import Room, RoomSimulation
 from evaluation.report.claims import markdown, write_figures
@@ -36,7 +36,6 @@ from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.marker.code import RESERVED_IDS
-from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
@@ -54,9 +53,10 @@ def recording(grid: ZoneGrid, talking: int) -> Recording:
     tiles = []
     for tile in range(grid.zones // 16):
         rng = np.random.default_rng(tile)
-        scene = marker_in_each_zone(RANGE_M, rng, start_s=(-1.3, 0.0))
-        markers = tuple(scene.markers[zone] for zone in TALKING[:talking]) if tile == 0 else ()
-        tiles.append(Simulation(replace(scene, markers=markers), rng).run(FRAMES * PERIOD_S))
+        sent = record_at(RANGE_M, rng, repeated_s=FRAMES * PERIOD_S)
+        markers = TALKING[:talking] if tile == 0 else ()
+        silent = np.isin(np.arange(len(sent.ids)), markers, invert=True)
+        tiles.append(dark(sent, silent, rng).recording)
     arrays = {
         name: np.concatenate([getattr(tile, name) for tile in tiles], axis=1)
         for name in ('distance', 'signal', 'ambient', 'status')

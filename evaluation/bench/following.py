@@ -8,14 +8,13 @@ import numpy as np
 
 from evaluation.bench.judging import Step, watch
 from evaluation.bench.places import median_mm, rms_mm
-from evaluation.bench.reference_scene import walls
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker
-from retrolidar_ros.scene.reference import RESPONSE, SENSOR
-from retrolidar_ros.sensor.frame import Recording
+from retrolidar_ros.scene.description import Marker, Surface
+from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 
 def play(recording: Recording) -> tuple[LikelihoodDetector, list[Step]]:
@@ -23,6 +22,14 @@ def play(recording: Recording) -> tuple[LikelihoodDetector, list[Step]]:
     detector = create_detector('joint', recording.grid)
     assert isinstance(detector, LikelihoodDetector)
     return detector, list(watch(detector, recording, follow=True))
+
+
+def walls(range_m: float, grid: ZoneGrid, signal: float = WALL_SIGNAL) -> tuple[Surface, ...]:
+    """Return a background in every zone at the distance that the sensor reports for a range."""
+    return tuple(
+        Surface(float(range_m * factor), signal, (zone,))
+        for zone, factor in enumerate(grid.z_per_range)
+    )
 
 
 SECONDS_S = {'from the start': (-1.3, 0.0), 'after 3 to 5 s': (3.0, 5.0)}

@@ -28,6 +28,7 @@ from retrolidar_ros.scene.description import (
 )
 from retrolidar_ros.scene.optics import DISTANCE_EXPONENT, received_signal, zone_shares
 from retrolidar_ros.scene.reference import NOISE, RESPONSE, SENSOR, WALL_SIGNAL
+from retrolidar_ros.scene.simulation import noisy
 from retrolidar_ros.scene.transmission import Transmission, exposure_edges, recurring_share
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import Status
@@ -268,3 +269,10 @@ def record_at(
     """Return frames of markers of a size [m] at a distance [m], else as `record` has it."""
     signal = float(received_signal(np.array(range_m), size_m**2, math.radians(yaw_deg)))
     return record(stress, signal, rng, range_m=range_m, **how)
+
+
+def dark(sent: Sent, where: NDArray[np.bool_], rng: np.random.Generator) -> Sent:
+    """Return markers of which nothing but the wall is seen in some frames and zones."""
+    wall = noisy(np.full(sent.recording.signal.shape, WALL_SIGNAL), NOISE, rng)
+    signal = np.where(where, wall, sent.recording.signal).astype(np.float32)
+    return sent._replace(recording=replace(sent.recording, signal=signal))

@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.bench.following import walls
 from evaluation.bench.judging import BOTH, judged
 from evaluation.bench.rates import nearest
-from evaluation.bench.reference_scene import marker_in_each_zone, walls
-from evaluation.experiments.link import NEVER_S, board_signal
+from evaluation.bench.recordings import signal_at
 from evaluation.experiments.paper_sweeps import lone_packets
 from evaluation.report.chart_style import OTHERS, label, legend_below, line, look, new_chart
 from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, as_text, model
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.reference import SENSOR
+from retrolidar_ros.scene.optics import DISTANCE_EXPONENT
+from retrolidar_ros.scene.reference import SENSOR, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
 TITLE = 'Ranging'
@@ -33,8 +34,14 @@ _KINDS = {
 _LOOKS = {'silent': {'color': '0.4', 'marker': 's'}, 'board': {'color': OTHERS[1], 'marker': '^'}}
 
 
-def mean_errors_m(scene: Scene, range_m: float, rng: np.random.Generator) -> Floats:
-    """Return errors of a packet's length of distances, averaged, in every zone [m]."""
+def board_signal(range_m: float) -> float:
+    """Return what a bare board of 9 cm² sends back [kcps/SPAD]: 4 at 1.4 m (paper §3.2)."""
+    return float(4.0 * (range_m / 1.4) ** DISTANCE_EXPONENT)
+
+
+def mean_errors_m(signal: float, range_m: float, rng: np.random.Generator) -> Floats:
+    """Return errors of a packet's length of distances, averaged, of a signal in every zone [m]."""
+    scene = Scene(sensor=SENSOR, surfaces=walls(range_m, _GRID, signal))
     distance = Simulation(scene, rng).advance(_PACKET_FRAMES).distance.astype(np.float64)
     errors: Floats = (distance / _GRID.z_per_range).mean(axis=0) - range_m
     return errors
@@ -55,10 +62,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             for method in METHODS:
                 own = judged(sent, BOTH[method]).own
                 errors[method] += [one.place.range_m - range_m for one in own]
-            still = marker_in_each_zone(range_m, rng, start_s=(NEVER_S, NEVER_S))
-            errors['silent'] += mean_errors_m(still, range_m, rng).tolist()
-            board = Scene(sensor=SENSOR, surfaces=walls(range_m, _GRID, board_signal(range_m)))
-            errors['board'] += mean_errors_m(board, range_m, rng).tolist()
+        # A marker that is silent is bright.
+        signals = {'silent': WALL_SIGNAL + signal_at(range_m), 'board': board_signal(range_m)}
+        for kind, signal in signals.items():
+            errors[kind] += mean_errors_m(signal, range_m, rng).tolist()
         sizes = {kind: _summed(found) for kind, found in errors.items()}
         points.append({'range_m': range_m, **sizes})
     return {'points': points}

@@ -4,7 +4,6 @@
 
 import time
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,8 +11,7 @@ import numpy as np
 
 from evaluation.bench.judging import Options, judge_all, read_of
 from evaluation.bench.rates import LEVEL, crossing, sum_of
-from evaluation.bench.recordings import record_at, rng_at
-from evaluation.bench.reference_scene import marker_in_each_zone
+from evaluation.bench.recordings import dark, record_at, rng_at
 from evaluation.experiments import paper_sweeps
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
@@ -21,16 +19,14 @@ from evaluation.peers.visual_markers import AprilTagReader, QrReader, Reader, Vi
 from evaluation.report.chart_style import label, look, name_curve, new_chart
 from evaluation.report.claims import Table, end_as_text
 from retrolidar_ros.detector import create_detector
-from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Speed against accuracy'
 _LONE_M = paper_sweeps.RANGES_M[4:]
 _SEVERAL_M = (1.0, 2.0, 2.6, 3.0, 3.2, 3.4, 3.6, 3.8, 4.0, 4.4)
-_FRAMES, _WARM_UP_FRAMES, _SCENES = 400, 500, 20
-_AT_M, _TALKING = 2.0, 3
+_FRAMES, _WARM_UP_S, _SCENES = 400, 10.5, 20
+_AT_M, _TALKING = 2.0, (0, 5, 10)  # the latter are zones
 
 
 class Point(NamedTuple):
@@ -66,20 +62,19 @@ def _curves() -> dict[str, dict[str, Point]]:
 def _frame_ms(options: Options, scenes: int, rng: np.random.Generator) -> float:
     """Return the processor time per second of watching three markers that may be read [ms]."""
     spent_s = []
+    ids, lasting_s = options.get('registered_ids', USABLE_IDS), _FRAMES * SENSOR.period_s
+    silent = np.isin(np.arange(SENSOR.grid.zones), _TALKING, invert=True)
     for _ in range(scenes):
-        scene = marker_in_each_zone(_AT_M, rng, start_s=(-PACKET_S, 0.0))
-        some = scene.markers[:: len(scene.markers) // _TALKING][:_TALKING]
-        ids = rng.choice(options.get('registered_ids', USABLE_IDS), _TALKING, replace=False)
-        markers = tuple(replace(one, id=int(id_)) for one, id_ in zip(some, ids, strict=True))
-        simulation = Simulation(replace(scene, markers=markers), rng)
+        sent = record_at(_AT_M, rng, ids=np.array(ids), repeated_s=_WARM_UP_S + lasting_s)
+        frames = list(dark(sent, silent, rng).recording)
         detector = create_detector(grid=SENSOR.grid, **options)
-        detector.update_all(simulation.advance(_WARM_UP_FRAMES))
-        timed = simulation.advance(_FRAMES)
+        for frame in frames[:-_FRAMES]:
+            detector.update(frame)
         began_s = time.process_time()
-        for frame in timed:
+        for frame in frames[-_FRAMES:]:
             detector.update(frame)
         spent_s.append(time.process_time() - began_s)
-    return 1e3 * float(np.mean(spent_s)) / (_FRAMES * SENSOR.period_s)
+    return 1e3 * float(np.mean(spent_s)) / lasting_s
 
 
 def _summed(text: str, cpu_ms: float, places: Any, found: Any) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 """How long it takes until a repeating marker that comes into view is identified."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from evaluation.bench.judging import BOTH, Options, judged
 from evaluation.bench.rates import LEVEL, nearest
-from evaluation.bench.recordings import SILENCE_BITS, Sent, record_at
+from evaluation.bench.recordings import SILENCE_BITS, Sent, dark, record_at
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, read_over_distance
 from evaluation.report.chart_style import draw_level, label, line, look, name_curve, new_chart
@@ -19,8 +18,6 @@ from evaluation.report.claims import as_text
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, PACKET_S, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
-from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
-from retrolidar_ros.scene.simulation import noisy
 
 TITLE = 'Time to the first ID'
 TIMEOUT_S = 8 * PACKET_S
@@ -42,14 +39,7 @@ _NEVER = f'>{TIMEOUT_S:.0f} s'
 def appearing(range_m: float, rng: np.random.Generator) -> Sent:
     """Return markers that have always been sending and come into view at `VIEW_S`."""
     sent = record_at(range_m, rng, repeated_s=VIEW_S + TIMEOUT_S)
-    return _dark(sent, sent.recording.stamp_ns[:, None] < VIEW_S * 1e9, rng)
-
-
-def _dark(sent: Sent, where: NDArray[np.bool_], rng: np.random.Generator) -> Sent:
-    """Return markers of which nothing but the wall is seen in some frames and zones."""
-    wall = noisy(np.full(sent.recording.signal.shape, WALL_SIGNAL), NOISE, rng)
-    signal = np.where(where, wall, sent.recording.signal).astype(np.float32)
-    return sent._replace(recording=replace(sent.recording, signal=signal))
+    return dark(sent, sent.recording.stamp_ns[:, None] < VIEW_S * 1e9, rng)
 
 
 def first_ids(sent: Sent, options: Options) -> tuple[NDArray[np.float64], int]:
@@ -69,7 +59,7 @@ def _few_first_ids(sent: Sent, rng: np.random.Generator) -> NDArray[np.float64]:
     """Return the times of markers of which `FEW` at a time are in view, and registered [s]."""
     zones, times_s = rng.permutation(len(sent.ids)), []
     for few in zones[: len(zones) // FEW * FEW].reshape(-1, FEW):
-        alone = _dark(sent, ~np.isin(np.arange(len(sent.ids)), few), rng)
+        alone = dark(sent, ~np.isin(np.arange(len(sent.ids)), few), rng)
         found_s, _ = first_ids(alone, {**BOTH['joint'], 'registered_ids': sent.ids[few]})
         times_s.append(found_s[few])
     return np.concatenate(times_s)

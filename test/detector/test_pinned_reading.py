@@ -13,9 +13,9 @@ import pytest
 from harness_detector import ID, a_scene, simulate
 
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
+from evaluation.bench.following import walls
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import Sent, record, record_at
-from evaluation.bench.reference_scene import walls
 from evaluation.bench.stresses import PANELS, PLAIN, STRESSES, Stress
 from evaluation.experiments.paper_sweeps import repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector

@@ -140,11 +140,11 @@ def test_a_quick_look_does_not_overwrite_the_report(
 def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) -> None:
     together, alone = tmp_path / 'together', tmp_path / 'alone'
     alone.mkdir()
-    command = [sys.executable, '-m', 'evaluation', 'chain', 'link', '--quick', '-o', str(together)]
+    command = [sys.executable, '-m', 'evaluation', 'chain', 'ids', '--quick', '-o', str(together)]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT)
     assert done.stdout.count('chain: One packet') == 1
-    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'link.json']
-    for name in ('chain', 'link'):
+    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'ids.json']
+    for name in ('chain', 'ids'):
         run_experiment(name, alone, quick=True, seed=1)
         one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
         del one['run'], other['run']
@@ -182,7 +182,7 @@ TINY: dict[str, dict[str, Any]] = {
         '_LONE_M': (1.0, 3.2),
         '_SEVERAL_M': (1.0, 4.0),
         '_FRAMES': 20,
-        '_WARM_UP_FRAMES': 100,
+        '_WARM_UP_S': 2.0,
     },
     'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(2.0, False)]},
     'experiments.track_ends': {'_GONE_BITS': (12.0,)},
