@@ -86,6 +86,7 @@ def _panel(name: str, title: str, axis: str, values: str, scale: float, **fixed:
 
 _LOST, _SWAY = '0 5 10 20 30 40 50 60 75 90', '0 10 20 30 40 50 65 80 95'
 _CLOCK, _WALL = '0 .5 1 2 3 4 6 8', '0 .2 .4 .6 .7 .8 .9 1'
+_SIGNAL, _LIGHT = 'its signal [kcps/SPAD]', '0 10 30 100 300 1000 3000'
 PANELS = (
     _panel('lost_frames', 'lost frames', 'frames lost [%]', _LOST, 0.01, lost=None),
     _panel('abnormal', 'abnormal samples', 'samples abnormal [%]', _LOST, 0.01, abnormal=None),
@@ -108,10 +109,7 @@ PANELS = (
     _panel('second', 'second marker in zone', 'its signal [%]', _SWAY, 0.01, second=None),
     _panel('clip', 'saturates', 'at [%] of the top', '100 90 80 70 55 40 25 10', 0.01, clip=None),
     _panel('noise', 'more noise', 'variance [times]', '1 2 3 4 6 8 12 20', 1, noise=None),
+    _panel('pedestal', 'a bright wall', _SIGNAL, '0 5 10 20 40 80 300 800', 1, pedestal=None),
+    _panel('glass', 'a cover glass', _SIGNAL, '0 2 4 8 16 50 150 300 340 400', 1, glass=None),
+    _panel('neighbour', 'another sensor sends', _SIGNAL, _LIGHT, 1, neighbour=None),
 )
-_GLASS, _LIGHT = '0 2 4 8 16 50 150 300 340 400', '0 10 30 100 300 1000 3000'
-LABORATORY = (
-    _panel('pedestal', 'a bright wall', 'its signal', '0 5 10 20 40 80 300 800', 1, pedestal=None),
-    _panel('glass', 'a cover glass', 'its signal', _GLASS, 1, glass=None),
-    _panel('neighbour', "another sensor's light", 'while it sends', _LIGHT, 1, neighbour=None),
-)  # in kcps/SPAD

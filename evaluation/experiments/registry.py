@@ -31,7 +31,7 @@ from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
     speed-accuracy time-to-id peers roc false-ids rooms stability moving tracks
-    track-ends laboratory coffee drone several place ranging bound chain ids reading reach size
+    track-ends coffee drone several place ranging bound chain ids reading reach size
     angle yaw ambient marker landmarks parts track-parts numbers
 """
 _OBJECTS: dict[str, Any] = SWEEPS | CORE_CHANGES

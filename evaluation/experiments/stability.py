@@ -17,12 +17,14 @@ from evaluation.bench.rates import LEVEL
 from evaluation.bench.recordings import record_at
 from evaluation.bench.stresses import PANELS, Panel
 from evaluation.report.chart_style import WRONG, draw_reads, label, legend_below, look, new_chart
+from evaluation.report.claims import three_digits
 from retrolidar_ros.detector import METHODS
 
 TITLE = 'Where methods break'
 RANGES_M = (1.0, 2.7)  # near, and where the reach of a lone packet ends
 REPEATED_S = 4.35  # how long repeating markers are watched: three packets and a look
 _COLUMNS = 3
+_MANY = 50  # times the first stress is the last one of a logarithmic panel
 _MIN_READ = 0.25  # a method that reads less without any stress has no limit
 
 Where = tuple[float, bool]  # range [m], and whether the marker repeats
@@ -87,7 +89,7 @@ def breaking_point(found: dict[str, Any]) -> str:
     """Return a breaking point as text."""
     if found['state'] == 'not read':
         return '×'
-    return f'{">" if found["state"] == "never" else ""}{found["at"]:.3g}'
+    return f'{">" if found["state"] == "never" else ""}{three_digits(found["at"])}'
 
 
 def _tolerated(panel: dict[str, Any], method: str) -> float:
@@ -133,7 +135,15 @@ def draw_panels(figures: dict[str, Any]) -> Any:
     for axis, panel in zip(axes, figures['panels'], strict=True):
         draw_reads(axis, panel['points'])
         y = 'markers [%]' if axis in axes[::_COLUMNS] else ''
-        label(axis, panel['axis'], y, panel['title'], percent=True)
+        second, last = (panel['points'][index]['place'] for index in (1, -1))
+        how: dict[str, Any] = {}
+        if last > _MANY * second:
+            axis.set_xscale('symlog', linthresh=second)
+            how = {
+                'xlim': (-second / 3, 1.3 * last),
+                'xticks': [0, *(10**n for n in range(1, 4) if 10**n < last)],
+            }
+        label(axis, panel['axis'], y, panel['title'], percent=True, **how)
         if _falls(panel):
             axis.invert_xaxis()
     legend_below(figure, METHODS, WRONG)

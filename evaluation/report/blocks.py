@@ -8,7 +8,6 @@ from typing import Any
 from evaluation.bench.judging import BOTH
 from evaluation.experiments import (
     false_ids,
-    laboratory,
     peers,
     speed_accuracy,
     stability,
@@ -176,21 +175,20 @@ _STRESSES = {
     'slow': 'bits longer than `bit_period` by [%]',
     'hand': 'hand in front for [ms]',
     'noise': 'variance of the noise over the usual',
+    'pedestal': 'a bright wall, its signal [kcps/SPAD]',
+    'glass': 'a cover glass, its signal [kcps/SPAD]',
+    'neighbour': "another sensor's light, while it sends [kcps/SPAD]",
 }
 
 
 def limits(report: Report) -> str:
     """Return limits near and at the end of the reach, of lone and of repeating markers."""
-    figures, others = report['stability'], report['laboratory']
     conditions = [stability.named(where) for where in stability.LIMITS]
-    panels = {panel['name']: panel for panel in figures['panels']}
+    panels = {panel['name']: panel for panel in report['stability']['panels']}
     rows: Table = [['limit', *conditions]]
     for name, what in _STRESSES.items():
         breaks = [panels[name]['breaks'][where] for where in conditions]
         rows.append([what, *(stability.breaking_point(one['joint']) for one in breaks)])
-    for panel in others['panels']:
-        what = f'{panel["title"]}, {panel["axis"]} [{laboratory.UNIT}]'
-        rows.append([what, *laboratory.limits(panel)])
     return markdown(rows)
 
 

@@ -4,7 +4,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from textwrap import fill
+from textwrap import fill, wrap
 from typing import Any
 
 from evaluation.bench.rates import LEVEL, Rate
@@ -63,9 +63,11 @@ def new_chart(count: int, columns: int, height: float, title: str) -> tuple[Any,
         panel.grid(alpha=0.3)
     title = re.sub(r'(\d) ', '\\1\N{NO-BREAK SPACE}', title)  # a number keeps its unit
     lines = -(-len(title) // _TITLE_LETTERS)
-    # Lines of a like length: none has a word alone.
-    words = fill(title, max(20, round(1.1 * len(title) / lines)))
-    figure.suptitle(words, fontsize=13, fontweight='bold')
+    # Lines of a like length, and no more of them: none has a word alone.
+    width = max(20, round(1.1 * len(title) / lines))
+    while len(wrap(title, width)) > lines:
+        width += 1
+    figure.suptitle(fill(title, width), fontsize=13, fontweight='bold')
     return figure, panels
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from evaluation.__main__ import main
 from evaluation.bench.rates import crossing, frequency, rate
-from evaluation.bench.stresses import LABORATORY, PANELS
+from evaluation.bench.stresses import PANELS
 from evaluation.experiments import false_ids, peers
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
@@ -161,9 +161,6 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.bound': {'RANGES_M': (2.5, 3.8), '_GENIE_RECORDINGS': 1},
     'experiments.coffee': {'_QUICK_TRIALS': 1},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},
-    'experiments.laboratory': {
-        'LABORATORY': [replace(one, values=one.values[:4]) for one in LABORATORY]
-    },
     'experiments.landmarks': {'_SIDES_M': (0.2, 0.4)},
     'experiments.moving': {'DURATION_S': 4.0},
     'experiments.peers': {
