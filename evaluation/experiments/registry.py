@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.experiments import false_ids
 from evaluation.experiments.core_changes import CORE_CHANGES
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.report.chart_style import mark_rough
@@ -42,7 +41,7 @@ EXPERIMENTS: dict[str, Any] = {
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 _LONGEST = ('rooms', 'roc', 'stability', 'moving')  # begun first, so that none is waited for
 LONG = ('false-ids', 'parts', 'track-parts', 'numbers', 'track-ends')
-"""Those that take long, and so run by their names only; `false-ids` has a run of its own."""
+"""Those that take long, and so run by their names only."""
 
 
 def save_chart(name: str, figures: dict[str, Any], directory: Path) -> None:
@@ -91,13 +90,11 @@ def run_experiments(
 
     Each starts from the seed, so it does not matter which others run. As many run at once as
     there are cores, unless set otherwise; those that take times run alone. Raises ValueError if
-    there is no such experiment, or it has a run of its own.
+    there is no such experiment.
     """
     for name in names:
         if name not in EXPERIMENTS:
             raise ValueError(f'unknown experiment {name!r}; there is {", ".join(EXPERIMENTS)}')
-        if name == false_ids.NAME:
-            raise ValueError(f'{name} runs by itself: {name} --hours H')
     directory.mkdir(parents=True, exist_ok=True)
     untimed = [name for name in names if name not in TIMED]
     untimed.sort(key=lambda name: name not in _LONGEST)

@@ -65,7 +65,8 @@ def _detections(options: Options, member: Member, hours: float, seed: int) -> li
     return watch(detector, member.blocks(3600 * hours, rng))
 
 
-def _counted(options: Options, member: Member, hours: float, seed: int) -> Frequency:
+def counted(options: Options, member: Member, hours: float, seed: int) -> Frequency:
+    """Return the false IDs of the default before a member."""
     return frequency(len(_detections({'method': 'joint', **options}, member, hours, seed)), hours)
 
 
@@ -76,7 +77,7 @@ def _by_budget(seed: int, share: float, budget: float) -> dict[str, Frequency]:
             hours = share * BUDGETS_H[budget] * (_BLINKING_SHARE if member.blinks else 1.0)
         else:
             hours = share * SHIPPED_H.get(member.name, BLINKING_H if member.blinks else BUSY_H)
-        found[member.name] = _counted({KNOBS['joint']: budget}, member, hours, seed)
+        found[member.name] = counted({KNOBS['joint']: budget}, member, hours, seed)
     return found
 
 
@@ -102,8 +103,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     seed = int(rng.integers(2**32))
     budgets = {one: _by_budget(seed, share, one) for one in (*BUDGETS_H, SHIPPED['joint'])}
     methods: dict[str, list[dict[str, Any]]] = {'joint': [], 'paper': []}
-    for method, counted in {'joint': budgets, 'paper': _by_threshold(seed, share)}.items():
-        for knob, members in counted.items():
+    for method, found in {'joint': budgets, 'paper': _by_threshold(seed, share)}.items():
+        for knob, members in found.items():
             options = {'method': method, KNOBS[method]: knob}
             read = {at: read_of([judged(one, options) for one in of]) for at, of in sent.items()}
             methods[method].append({'knob': knob, 'members': members, 'read': read})
@@ -112,7 +113,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         **{f'{n} IDs registered': {'registered_ids': choose_ids(n)[0]} for n in REGISTERED},
     }
     before_white = {
-        name: _counted(one, FAMILY[0], share * WHITE_H, seed) for name, one in settings.items()
+        name: counted(one, FAMILY[0], share * WHITE_H, seed) for name, one in settings.items()
     }
     return {'methods': methods, 'before_white': before_white, 'silent': _silent(seed, share)}
 

@@ -74,7 +74,7 @@ def headlines(report: Report) -> str:
     nodes = f'Both nodes, by `bench_nodes.py`: {nodes_ms:.0f} ms a second'
     what = f'Processor time of the detection, of one core? ({nodes})'
     rows.append(_row(what, ours, NOTHING, tag, wins=cpu_ms[0] < cpu_ms[1]))
-    one = false_ids.total(report[false_ids.NAME])
+    one = false_ids.total(report['false-ids'])
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
     rows.append(['How often is an ID read where there is no marker?', counted, '"none"', NOTHING])
     wrong = report['rooms']['wrong']

@@ -16,7 +16,7 @@ import pytest
 from evaluation.__main__ import main
 from evaluation.bench.rates import crossing, frequency, rate
 from evaluation.bench.stresses import PANELS
-from evaluation.experiments import false_ids, peers
+from evaluation.experiments import peers
 from evaluation.experiments.paper_sweeps import SWEEPS
 from evaluation.experiments.registry import EXPERIMENTS, run_experiment
 from evaluation.report.readme import ALL, PAGE, load, renewed, write_page
@@ -190,7 +190,7 @@ TINY: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize('name', [name for name in EXPERIMENTS if name != false_ids.NAME])
+@pytest.mark.parametrize('name', EXPERIMENTS)
 def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module, sizes in TINY.items():
         for attribute, value in sizes.items():
@@ -214,24 +214,3 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     claims = [line.count(' | ') for line in lines if not line.startswith('|')]
     assert len({*rows}) <= 1
     assert {*claims} <= {2}
-
-
-def test_hours_without_a_marker_add_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(false_ids, 'MEMBERS', ['white', 'hands'])
-    path, turn_h = tmp_path / 'false-ids.json', 0.002
-
-    def run(hours: float, seed: int = 1) -> int:
-        return len(list(false_ids.extend(path, hours, seed=seed, turn_h=turn_h, processes=1)))
-
-    def hours() -> float:
-        return false_ids.total(json.loads(path.read_text()))['hours']
-
-    assert run(4 * turn_h) == 1  # a round: hands have three turns
-    assert run(4 * turn_h) == 0
-    assert run(8 * turn_h) == 1
-    assert run(12 * turn_h, seed=2) == 1
-    assert hours() == pytest.approx(12 * turn_h)
-    monkeypatch.setattr(false_ids, 'revision', lambda: 'another core')
-    assert run(turn_h) == 1
-    assert hours() == pytest.approx(4 * turn_h)
-    assert main(['false-ids', '-o', str(tmp_path)]) == 2
