@@ -1,20 +1,23 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in which markers are followed, and two of them in one zone."""
+"""Recordings in which markers are followed: two in one zone, and one that ends."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from evaluation.bench.judging import Step, watch
 from evaluation.bench.places import median_mm, rms_mm
+from evaluation.bench.recordings import Sent, record, record_at
+from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 
 
 def play(recording: Recording) -> tuple[LikelihoodDetector, list[Step]]:
@@ -89,3 +92,54 @@ def shared_figures(runs: list[dict[str, Any]]) -> dict[str, Any]:
         'both_followed': float(np.mean(both)) if both else None,
         'ends_an_hour': sum(one['ends'] for one in runs) / hours if hours else None,
     }
+
+
+ENDS = ('vanishes', 'sends another ID', 'stays bright')
+_KNOWN_S, _AFTER_S = 3.0, 2.5  # a marker repeats so long before it ends, and is watched after it
+
+
+def _spliced(before: Recording, after: Recording, frame: int) -> Recording:
+    """Return one recording up to a frame, and another one from there on."""
+    arrays = {
+        name: np.concatenate([values[:frame], getattr(after, name)[frame:]])
+        for name, values in vars(before).items()
+        if name != 'grid'
+    }
+    return replace(before, **arrays)
+
+
+def _all_bright(recording: Recording, rng: np.random.Generator) -> Recording:
+    """Return as many frames, drawn from those in which the marker is bright."""
+    signal = recording.signal[:, recording.signal.std(axis=0).argmax()]
+    dark, bright = np.quantile(signal, (0.1, 0.9))
+    kept = np.flatnonzero(signal > dark + 0.9 * (bright - dark))
+    rows = rng.choice(kept, len(signal))
+    seen = {name: getattr(recording, name)[rows] for name in ('signal', 'distance', 'status')}
+    return replace(recording, **seen)
+
+
+def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | None:
+    """Return how long a marker is followed after one of the `ENDS` [s].
+
+    None if it was not followed.
+    """
+    lasting_s, place_m = _KNOWN_S + _AFTER_S, range_m * SENSOR.grid.directions[_ZONE]
+
+    def path(time_s: Floats) -> Floats:
+        return np.tile(place_m, (len(time_s), 1))
+
+    def sent() -> Sent:
+        return record_at(range_m, rng, path=path, repeated_s=lasting_s)
+
+    own = sent()
+    if end == 'vanishes':
+        after = record(PLAIN, 1e-6, rng, range_m=range_m, repeated_s=lasting_s).recording
+    else:
+        after = _all_bright(own.recording, rng) if end == 'stays bright' else sent().recording
+    frame = round((_KNOWN_S + 1.3 * rng.random()) / SENSOR.period_s)
+    _, steps = play(_spliced(own.recording, after, frame))
+    known = [any(one.id == own.ids[0] for one in step.tracks) for step in steps]
+    if not known[frame - 1]:
+        return None
+    last = next((index for index in range(frame, len(known)) if not known[index]), len(known))
+    return (last - frame) * SENSOR.period_s

@@ -40,7 +40,6 @@ class RoomTracks(NamedTuple):
     """How markers are followed in a room."""
 
     markers: list[Followed]
-    frames: int  # of the room
     false: int  # tracks, each in each frame
 
 
@@ -67,7 +66,7 @@ def follow_room(number: int, seed: int) -> RoomTracks:
         off = [place_error(one.place, _true_m(marker, one)) for one in seen]
         off_zones = [_off_zones(one, marker, pitch) for one in seen]
         markers.append(Followed(marker.course.motion, company, len(tracks), off, off_zones))
-    return RoomTracks(markers, len(steps), false)
+    return RoomTracks(markers, false)
 
 
 def _tracks_of(marker: RoomMarker, steps: Sequence[Step]) -> Iterator[Track | None]:

@@ -30,7 +30,7 @@ from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
     speed-accuracy time-to-id peers roc false-ids rooms stability moving tracks
-    track-ends coffee drone several place ranging bound chain ids reading reach size
+    coffee drone several place ranging bound chain ids reading reach size
     angle yaw ambient marker landmarks parts track-parts numbers
 """
 _OBJECTS: dict[str, Any] = SWEEPS | CORE_CHANGES
@@ -40,7 +40,7 @@ EXPERIMENTS: dict[str, Any] = {
 }
 TIMED = ('speed-accuracy',)  # those that measure processor time, and so run alone
 _LONGEST = ('rooms', 'roc', 'stability', 'moving')  # begun first, so that none is waited for
-LONG = ('false-ids', 'parts', 'track-parts', 'numbers', 'track-ends')
+LONG = ('false-ids', 'parts', 'track-parts', 'numbers')
 """Those that take long, and so run by their names only."""
 
 

@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.following import SECONDS_S, play, shared_figures, two_in_a_zone
+from evaluation.bench.following import (
+    ENDS,
+    SECONDS_S,
+    dropped_s,
+    play,
+    shared_figures,
+    two_in_a_zone,
+)
 from evaluation.bench.places import held, median_mm, place_error, rms, rms_mm
 from evaluation.bench.recordings import record_at
 from evaluation.bench.room_markers import MOTIONS
@@ -28,6 +35,7 @@ DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
 _SETTLED_S = 1.0  # after a track began
 _RUNS = 40
+_TRIALS = 24  # of each end
 _ROOMS, _QUICK_ROOMS = 150, 6
 _PICTURES = 40
 _APART_M = (0.0, 0.1, 0.3)  # of two in a zone, at the first range
@@ -75,7 +83,7 @@ def _sum(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return errors over speed for packets, tracks and a tag."""
-    runs = 1 if quick else _RUNS
+    runs, trials = (1, 2) if quick else (_RUNS, _TRIALS)
     curves = []
     for way, range_m in itertools.product(WAYS, RANGES_M):
         points = [
@@ -87,6 +95,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for begins, apart_m in itertools.product(SECONDS_S, _APART_M):
         two = [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
         shared.append({'apart_m': apart_m, 'begins': begins, **shared_figures(two)})
+    ends = [
+        _end(name, range_m, [dropped_s(range_m, rng, end=name) for _ in range(trials)])
+        for name, range_m in itertools.product(ENDS, RANGES_M)
+    ]
     seed = int(rng.integers(2**32))
     rooms = [follow_room(number, seed) for number in range(_QUICK_ROOMS if quick else _ROOMS)]
     background = Background(rng)
@@ -98,7 +110,20 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         for words, longest_s in _EXPOSURES_S.items()
     }
-    return {'curves': curves, 'shared': shared, 'rooms': _in_rooms(rooms), 'apriltag': seen}
+    return {
+        'curves': curves,
+        'shared': shared,
+        'ends': ends,
+        'rooms': _in_rooms(rooms),
+        'apriltag': seen,
+    }
+
+
+def _end(name: str, range_m: float, times_s: Sequence[float | None]) -> dict[str, Any]:
+    """Return how long a marker is followed after it ended."""
+    known_s = [one for one in times_s if one is not None]
+    median_s, p95_s = np.percentile(known_s, (50, 95)).tolist() if known_s else (None, None)
+    return {'end': name, 'range_m': range_m, 'median_s': median_s, 'p95_s': p95_s}
 
 
 def _in_rooms(rooms: Sequence[RoomTracks]) -> dict[str, Any]:
@@ -123,8 +148,7 @@ def _in_rooms(rooms: Sequence[RoomTracks]) -> dict[str, Any]:
                 'ellipsoid_holds': held([error.squared_distance for error in off]),
             }
         )
-    false = sum(room.false for room in rooms) / sum(room.frames for room in rooms)
-    return {'rooms': len(rooms), 'false_tracks': false, 'cells': cells}
+    return {'rooms': len(rooms), 'cells': cells}
 
 
 def _by_speed(figures: dict[str, Any], head: str, cell: Callable[[Any], str]) -> Table:
@@ -169,6 +193,16 @@ def shared_table(figures: dict[str, Any]) -> Table:
         both = NOTHING if one['both_followed'] is None else f'{one["both_followed"]:.0%}'
         ends = as_text(one['ends_an_hour'], '', 0)
         rows.append([one['begins'], f'{one["apart_m"]:g}', *errors, both, ends])
+    return rows
+
+
+def ends_table(figures: dict[str, Any]) -> Table:
+    """Return how long markers are followed after they ended."""
+    rows = [['followed on [s], median/95 %', *(f'at {at:g} m' for at in RANGES_M)]]
+    for name in ENDS:
+        own = [one for one in figures['ends'] if one['end'] == name]
+        times = ('/'.join(as_text(one[of], '') for of in ('median_s', 'p95_s')) for one in own)
+        rows.append([f'a marker that {name}', *times])
     return rows
 
 

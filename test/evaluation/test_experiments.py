@@ -182,7 +182,6 @@ TINY: dict[str, dict[str, Any]] = {
         '_WARM_UP_S': 2.0,
     },
     'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(2.0, False)]},
-    'experiments.track_ends': {'_GONE_BITS': (12.0,)},
     'experiments.tracks': {'DURATION_S': 5.0, '_PICTURES': 2, '_SPEEDS_M_S': (0.0, 0.3)},
     'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6)},
     'peers.camera': {'_LEAVES': 200},
