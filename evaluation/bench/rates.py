@@ -92,7 +92,7 @@ def frequency(events: int, hours: float) -> Frequency:
 class Crossing(TypedDict):
     """Where shares fall below a level, with the bounds of its 95 % confidence interval."""
 
-    at: float | None  # None where it begins below the level
+    at: float | None  # None, as a bound, where it begins below the level
     low: float | None
     high: float | None
 
@@ -109,10 +109,11 @@ def crossing(level: float, places: Sequence[float], rates: Sequence[Rate]) -> Cr
     crossed = [falls_below(level, places, row) for row in redrawn.tolist()]
     known = [place for place in crossed if place is not None]
     at = falls_below(level, places, [one['rate'] for one in rates])
-    if at is None or not known:
-        return Crossing(at=at, low=None, high=None)
-    low, high = (float(bound) for bound in np.percentile(known, (2.5, 97.5)))
-    return Crossing(at=at, low=low, high=high)
+    # Where some begin below the level, so may the bound.
+    first = [places[0] if place is None else place for place in crossed]
+    low, high = (float(bound) for bound in np.percentile(first, (2.5, 97.5)))
+    begun = len(known) / len(crossed)
+    return Crossing(at=at, low=low if begun > 0.975 else None, high=high if begun > 0.025 else None)
 
 
 def nearest(points: Iterable[dict[str, Any]], key: str, place: float) -> dict[str, Any]:

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.report.chart_style import OTHERS, label, new_chart
 from evaluation.report.claims import Claim, Claims, Table, model
 from retrolidar_ros.marker import code
 from retrolidar_ros.marker.dictionary import USABLE_IDS, largest_set
 
 TITLE = 'Sets of IDs, and what the code accepts'
-_TITLED_BITS = 8
 _DISTANCES = (12, 10, 8, 6, 4, 2)
 
 
@@ -44,16 +42,3 @@ def claims(figures: dict[str, Any]) -> Claims:
         'ids': model(f'{figures["usable"]}'),
         'random': Claim(f'{figures["accepted"]:.1%}', 'evidence decides'),
     }
-
-
-def draw(figures: dict[str, Any]) -> Any:
-    """Draw the sizes of the sets."""
-    (row,) = (one for one in figures['sets'] if one['distance'] == _TITLED_BITS)
-    title = f'{row["ids"]} IDs differ in {row["distance"]} bits or more, whichever bit comes first'
-    figure, (axis,) = new_chart(1, 1, 4.2, title)
-    sizes = {f'{row["distance"]}': row['ids'] for row in figures['sets']}
-    axis.bar_label(axis.bar(list(sizes), list(sizes.values()), color=OTHERS[0]), padding=3)
-    x, ends = 'least distance, over all shifts [bits]', (1, 2 * max(sizes.values()))
-    label(axis, x, 'IDs found', yscale='log', ylim=ends)
-    axis.yaxis.set_major_formatter('{x:g}')
-    return figure

@@ -23,11 +23,10 @@ from evaluation.report.chart_style import (
 )
 from evaluation.report.claims import (
     BOTH_CLAIMED,
-    NOT_READ,
     Claim,
     Claims,
     as_text,
-    model,
+    end_as_text,
     shares,
 )
 from retrolidar_ros.detector import METHODS
@@ -37,7 +36,7 @@ from retrolidar_ros.scene.reference import NOISE, WALL_SIGNAL
 from retrolidar_ros.sensor.frame import Floats
 
 PAPER_REACH_M, PAPER_SURE_M, PAPER_FOUND_M = 2.6, 2.0, 2.8
-PAPER_SMALL_M, PAPER_ANGLE_DEG, PAPER_YAW_DEG = 1.3, 25, 50
+PAPER_SMALL_M, PAPER_ANGLE_DEG = 1.3, 25
 LOOK_S = 0.45  # after the last packet: when the next look at several of them is due, at the latest
 LONE_RECORDINGS = 8  # of lone packets of 3 cm at a distance: the same ones wherever these are read
 LIGHTS = {'dark': 0.0, 'lamps at night': 2.0, 'daylight in a room': 24.0, 'shade outdoors': 1000.0}
@@ -107,7 +106,6 @@ def _several(size_cm: int, packets: int) -> sweeps.Curve:
 SMALL_M = _of_size(_LIKE_M, 0.01)
 """Distances of lone packets of 1 cm, of which there are `SMALL_RECORDINGS` at each."""
 SMALL_RECORDINGS = 4
-YAWS_DEG = (0, 20, 40, 50, 52, 54, 56, 57, 58, 59, 60)
 
 
 class Reading(sweeps.Sweep):
@@ -155,8 +153,8 @@ def _read_to(figures: dict[str, Any], curve: str, unit: str = 'm') -> str:
 
 def _reaches(figures: dict[str, Any], curve: str, unit: str = 'm') -> Claim:
     """Return to where both methods read."""
-    digits, ends = 2 if unit == 'm' else 1, _ends(figures, curve)
-    return Claim(*(NOT_READ if one is None else as_text(one, unit, digits) for one in ends))
+    ends, digits = figures['curves'][curve]['ends'], 2 if unit == 'm' else 1
+    return Claim(*(end_as_text(ends[method], f'[{unit}]', digits) for method in BOTH_CLAIMED))
 
 
 def _reading_claims(figures: dict[str, Any]) -> Claims:
@@ -183,16 +181,6 @@ def _reach_claims(figures: dict[str, Any]) -> Claims:
         'small': _reaches(figures, '1 cm, one packet'),
         'three': shares(point[method]['right']['rate'] for method in BOTH_CLAIMED),
     }
-
-
-def _power(figures: dict[str, Any]) -> float:
-    """Return with which power of the area the reach grows."""
-    known = [
-        (float(name.split()[0]), sweeps.end_of(figures, name, 'joint'))
-        for name in figures['curves']
-    ]
-    areas, ends = np.array([one for one in known if one[1] is not None], dtype=float).T
-    return float(np.polyfit(np.log(areas), np.log(ends), 1)[0])
 
 
 def _ambient_claims(figures: dict[str, Any]) -> Claims:
@@ -225,22 +213,6 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         _reach_claims,
         {'1 cm, one packet': PAPER_SMALL_M},
     ),
-    'size': sweeps.Sweep(
-        'Size of the marker',
-        lambda got: (
-            f'Nine times the area is read {9 ** _power(got):.1f} times as far: '
-            f'the reach grows with the power {_power(got):.2f} of the area'
-        ),
-        'distance [m]',
-        [
-            sweeps.Curve(
-                f'{1e4 * at**2:g} cm²', partial(record_at, size_m=at), _of_size(_LIKE_M, at)
-            )
-            for at in (0.01, 0.015, 0.02, 0.025, 0.03)
-        ],
-        lambda got: {'power': model(f'{_power(got):.2f}')},
-        {'1 cm²': PAPER_SMALL_M, '9 cm²': PAPER_REACH_M},
-    ),
     'angle': sweeps.Sweep(
         'Angle from the axis',
         lambda got: f'Markers are read to {_read_to(got, "at 1 m", "°")} from the axis',
@@ -248,17 +220,6 @@ SWEEPS: dict[str, sweeps.Sweep] = {
         [sweeps.Curve('at 1 m', _aside, (0, 6, 12, 18, 21, 22, 23, 24, 25, 26, 28), 32)],
         lambda got: {'angle': _reaches(got, 'at 1 m', '°')},
         {'at 1 m': PAPER_ANGLE_DEG},
-    ),
-    'yaw': sweeps.Sweep(
-        'Yaw of the marker',
-        lambda got: (
-            f'A marker may be turned by {_read_to(got, "at 1 m", "°")} at 1 m, '
-            f'by {_read_to(got, "at 2 m", "°")} at 2 m'
-        ),
-        'yaw [°]',
-        [sweeps.Curve(f'at {at:g} m', partial(turned, range_m=at), YAWS_DEG) for at in (1.0, 2.0)],
-        lambda got: {'yaw': _reaches(got, 'at 1 m', '°')},
-        {'at 1 m': PAPER_YAW_DEG},
     ),
     'ambient': sweeps.Sweep(
         'Ambient light',

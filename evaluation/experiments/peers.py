@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """LiDAR markers beside AprilTags and QR codes of the same size, at the same places."""
 
+import math
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
@@ -31,13 +32,12 @@ from evaluation.report.claims import (
 )
 
 TITLE = 'LiDAR markers beside visual ones'
-MESSAGE = 'Tags: farther, sooner, turned more; LiDAR markers: smaller, in the dark'
 AT_M = 1.0  # where everything but distance is swept: all read nearly everything there
 _PICTURES, _QUICK_PICTURES = 32, 8
 _NAMES = ['joint', 'paper', APRILTAG, APRILTAG_FINE, QR]
 
 _1_CM_M = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.15, *paper_sweeps.SMALL_M[1:])
-_ANGLES_DEG = (0, 20, 40, 50, *paper_sweeps.YAWS_DEG[-3:], 65, 70, 75, 80)
+_ANGLES_DEG = (0, 20, 40, 50, 58, 59, 60, 65, 70, 75, 80)
 _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.0, 1.2, 1.8)
 _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
@@ -116,10 +116,14 @@ def end(figures: dict[str, Any], sweep: str, name: str) -> float | None:
 
 
 def words(figures: dict[str, Any], sweep: str, name: str, digits: int = 2) -> str:
-    """Return the same as text."""
+    """Return the same as text, with a sign where four of five are read at all places."""
     found = figures['sweeps'][sweep]
-    ends = found['ends']
-    return end_as_text(ends[name], found['axis'], digits) if name in ends else NOTHING
+    if name not in found['ends']:
+        return NOTHING
+    first, last = (found['points'][index]['place'] for index in (0, -1))
+    beyond = '≥ ' if last > first else '≤ '
+    text = end_as_text(found['ends'][name], found['axis'], digits)
+    return beyond + text if found['ends'][name]['at'] == last else text
 
 
 def error(figures: dict[str, Any], name: str, range_m: float, which: str) -> float | None:
@@ -155,7 +159,7 @@ def table(figures: dict[str, Any]) -> Table:
     for sweep in sorted(_ROWS, key=lead, reverse=True):
         digits = 0 if sweep in ('yaw', 'pitch') else 2
         cells = [words(figures, sweep, name, digits) for name in _NAMES]
-        lit = ['own light'] * 2 if sweep in ('light', 'glare') else cells[:2]
+        lit = ['own light'] * 2 if sweep == 'light' else cells[:2]
         rows.append([_ROWS[sweep], *lit, *cells[2:]])
     for range_m in (1.0, 2.0):
         cells = [as_text(error(figures, name, range_m, 'median'), 'mm', 1) for name in _NAMES]
@@ -174,6 +178,7 @@ def claims(figures: dict[str, Any]) -> Claims:
 
     small, far = end(figures, '1 cm', APRILTAG), of_tag(2.4, 'median')
     above = of_tag(2.0, 'above_1_cm')
+    ours_m = [end(figures, size, 'joint') for size in ('1 cm', '3 cm')]
     medians = (error(figures, method, 2.4, 'median') for method in BOTH_CLAIMED)
     return {
         'tag-3': model(as_text(end(figures, '3 cm', APRILTAG))),
@@ -184,13 +189,30 @@ def claims(figures: dict[str, Any]) -> Claims:
         'worst': model(as_text(of_tag(2.4, 'largest'), 'mm', 1)),
         'above': model(as_text(above and 100 * above, '%', 1)),
         'less': Claim(*(more(one, far) for one in medians)),
+        'power': model(_power(*ours_m)),
+        'yaw': Claim(*(words(figures, 'yaw', method, 1) for method in BOTH_CLAIMED)),
         'qr': model(as_text(end(figures, '3 cm', QR))),
     }
 
 
+def _power(small_m: float | None, large_m: float | None) -> str:
+    """Return with which power of the area the reach grows from 1 to 3 cm."""
+    return f'{math.log(large_m / small_m) / math.log(9):.2f}' if small_m and large_m else NOTHING
+
+
+def _message(figures: dict[str, Any]) -> str:
+    large, small = (
+        [words(figures, size, name) for name in ('joint', APRILTAG)] for size in ('3 cm', '1 cm')
+    )
+    return (
+        f'LiDAR markers of 3 cm are read to {large[0]}, AprilTags to {large[1]}; '
+        f'of 1 cm, to {small[0]} and {small[1]}'
+    )
+
+
 _PANELS = {
-    '3 cm': 'a tag of 3 cm reads farther',
-    '1 cm': 'the LiDAR reads 1 cm farther',
+    '3 cm': '3 cm',
+    '1 cm': '1 cm',
     'error': 'ranges of 3 cm',
     'yaw': 'yaw at 1 m',
     'pitch': 'pitch at 1 m',
@@ -202,7 +224,7 @@ _PANELS = {
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw a panel for each sweep, and the error of range."""
-    figure, panels = new_chart(8, 2, 12.5, MESSAGE)
+    figure, panels = new_chart(8, 2, 12.5, _message(figures))
     for axis, (name, title) in zip(panels, _PANELS.items(), strict=True):
         if name == 'error':
             sweep = figures['sweeps']['3 cm']

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The experiments by name, and what runs them.
 
-An experiment is a module, or an object, with a `TITLE` of a few words, and functions `run`, which
-returns figures fit for JSON, and `draw`, which makes the chart of figures. It may have a `table` of
+An experiment is a module, or an object, with a `TITLE` of a few words, and a function `run`, which
+returns figures fit for JSON. It may have `draw`, which makes the chart of figures, a `table` of
 them, `claims`, which are what items of the paper come to, and `draw_panels`, a chart of details.
 """
 
@@ -30,8 +30,8 @@ from retrolidar_ros.cli.processes import end_with_parent
 
 _NAMES = """
     speed-accuracy time-to-id peers roc false-ids rooms stability moving tracks
-    coffee drone several place ranging bound chain ids reading reach size
-    angle yaw ambient marker landmarks parts track-parts numbers
+    coffee drone several place ranging bound chain ids reading reach
+    angle ambient marker landmarks parts track-parts numbers
 """
 _OBJECTS: dict[str, Any] = SWEEPS | CORE_CHANGES
 EXPERIMENTS: dict[str, Any] = {

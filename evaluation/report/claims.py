@@ -17,6 +17,7 @@ from retrolidar_ros.detector import METHODS
 
 NOTHING = '–'  # stands where there is no value: it was not measured, or the paper gives none
 NOT_READ = f'< {100 * LEVEL:.0f} %'  # stands where fewer are read at the nearest place
+UNSURE = 'unsure'  # stands where it is by chance to where so many are read
 
 BOTH_CLAIMED = tuple(reversed(METHODS))  # the methods in the order of a claim's values
 Table = list[list[str]]  # rows of text, the heads first
@@ -57,10 +58,10 @@ def end_as_text(end: Mapping[str, Any], axis: str, digits: int = 2, *, level: fl
     It is 'unsure' where that is by chance, and '< 80 %' where less is read at the nearest place.
     """
     at, low, high = end['at'], end['low'], end['high']
-    if at is None:
+    if high is None:
         return f'< {100 * level:.0f} %'
-    if low is not None and high - low > at / 2:
-        return 'unsure'
+    if at is None or low is None or high - low > at / 2:
+        return UNSURE
     return as_text(at, axis.partition('[')[2].rstrip(']'), digits)
 
 

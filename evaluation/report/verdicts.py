@@ -11,7 +11,7 @@ import math
 import re
 from typing import NamedTuple
 
-from evaluation.report.claims import NOT_READ, NOTHING, Claim
+from evaluation.report.claims import NOT_READ, NOTHING, UNSURE, Claim
 
 TOLERANCE = 0.05
 NOT_COMPARABLE = 'not comparable'
@@ -73,8 +73,8 @@ SAID: dict[str, Said | str] = {
     'peers less': exactly(-85, 'worse'),
     'peers qr': below(1, 'better'),
     'reach small': exactly(1.3, 'better'),
-    'size power': exactly(0.32),
-    'yaw yaw': Said(45, 55, 'better'),  # about 50
+    'peers power': exactly(0.32),
+    'peers yaw': Said(45, 55, 'better'),  # about 50
     'ambient loss': Said(0.15, 0.25, 'worse'),  # about 0.2
     'ambient outdoors': above(1),
     'reading clean': exactly(89, by_method=True),
@@ -97,7 +97,7 @@ SAID: dict[str, Said | str] = {
 
 def value_of(text: str) -> float:
     """Return the first number of a printed value, a length of time in days; ValueError: none."""
-    found = re.match(r'([+-]?(?:[\d.]+|inf)) ?(\w*)', text)
+    found = re.match(r'(?:[≥≤] )?([+-]?(?:[\d.]+|inf)) ?(\w*)', text)
     if found is None:
         raise ValueError(f'{text!r} has no value to judge')
     return float(found[1]) * _UNITS.get(found[2], 1.0)
@@ -119,7 +119,7 @@ def verdict(item: str, claim: Claim) -> str:
     if isinstance(said, str):
         return said
     text = claim.method if said.by_method else claim.default
-    return NOT_COMPARABLE if text in (NOTHING, NOT_READ) else judge(value_of(text), said)
+    return NOT_COMPARABLE if text in (NOTHING, NOT_READ, UNSURE) else judge(value_of(text), said)
 
 
 def cells(item: str, claim: Claim) -> str:

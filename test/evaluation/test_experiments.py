@@ -93,8 +93,8 @@ DOCUMENTS = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
 
 def test_every_experiment_has_its_chart_in_the_report() -> None:
     chapters = ''.join(path.read_text(encoding='utf-8') for path in PAGES)
-    for name in EXPERIMENTS:
-        assert f'{{{{chart {name}}}}}' in chapters, name
+    for name, experiment in EXPERIMENTS.items():
+        assert (f'{{{{chart {name}}}}}' in chapters) == hasattr(experiment, 'draw'), name
 
 
 def test_the_committed_run_is_whole_and_says_of_what() -> None:
@@ -102,7 +102,7 @@ def test_the_committed_run_is_whole_and_says_of_what() -> None:
     assert report.keys() == EXPERIMENTS.keys()
     for name, figures in report.items():
         assert figures['run']['quick'] is False, name
-        assert (COMMITTED / f'{name}.png').exists()
+        assert (COMMITTED / f'{name}.png').exists() == hasattr(EXPERIMENTS[name], 'draw')
     page = (COMMITTED / PAGE).read_text(encoding='utf-8')
     run = report['ranging']['run']
     for said in (run['processor'], run['python'], run['versions']['numpy'], str(run['seed'])):
@@ -111,7 +111,8 @@ def test_the_committed_run_is_whole_and_says_of_what() -> None:
 
 def test_the_page_is_that_of_its_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def draw(name: str, figures: dict[str, Any], _: Path) -> None:
-        plt.close(EXPERIMENTS[name].draw(figures))  # to write it takes long
+        if hasattr(EXPERIMENTS[name], 'draw'):
+            plt.close(EXPERIMENTS[name].draw(figures))  # to write it takes long
 
     monkeypatch.setattr('evaluation.report.readme.save_chart', draw)
     for path in COMMITTED.glob('*.json'):
@@ -206,7 +207,8 @@ def test_an_experiment_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
         (tmp_path / f'{name}.json').read_text(), parse_constant=lambda word: pytest.fail(word)
     )
     assert figures['run']['quick'] is True
-    assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+    if hasattr(EXPERIMENTS[name], 'draw'):
+        assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
     _, *lines, end = words.split('\n')
     assert not end
     rows = [line.count(' | ') for line in lines if line.startswith('| ')]
