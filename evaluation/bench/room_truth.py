@@ -90,7 +90,6 @@ class Scored(NamedTuple):
     readings: list[tuple[float, bool]]  # margin of each reading [nats], and whether it is right
     wrong: list[WrongReading]
     placed: list[Placed]  # of right readings
-    misdated: int  # right readings whose packet began a packet later than reported
 
 
 def packets_of(simulation: RoomSimulation) -> list[SentPacket]:
@@ -150,7 +149,6 @@ def score(
     readings: list[tuple[float, bool]] = []
     wrong: list[WrongReading] = []
     placed: list[Placed] = []
-    misdated = 0
     for one in detections:
         last_s, lasting_s = 1e-9 * one.end_ns, one.packets * PACKET_BITS * one.bit_period_s
         start_s = 1e-9 * one.start_ns
@@ -174,7 +172,6 @@ def score(
                 break
         readings.append((one.decision_margin, right))
         if right:
-            misdated += begin_s != start_s
             longest = sent[max(mine, key=lambda place: _overlap_s(sent[place], span_s))]
             placed.append(_placed(one, longest, room))
             for place in mine:
@@ -202,7 +199,7 @@ def score(
             )
         )
     read = [_covered(p, spans[place]) for place, p in enumerate(sent)]
-    return Scored(list(sent), read, readings, wrong, placed, misdated)
+    return Scored(list(sent), read, readings, wrong, placed)
 
 
 def _placed(one: Detection, packet: SentPacket, room: Room) -> Placed:

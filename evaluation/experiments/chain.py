@@ -16,7 +16,6 @@ from evaluation.report.chart_style import (
     look,
     new_chart,
 )
-from evaluation.report.claims import Claim, Claims
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
@@ -78,7 +77,6 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
             for one in detector.candidates
         ]
     detection = detections[0]
-    by_paper = create_detector('paper', recording.grid).update_all(recording)
     return {
         'thresholds': detector.thresholds._asdict(),
         'candidates': rows,
@@ -86,15 +84,7 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'ids': [one.id for one in detections],
         'zone': detection.zones[0],
         'bits': packet(detection.id).tolist(),
-        'corrected_bits': detection.corrected_bits,
-        'paper': [{'id': one.id, 'corrected_bits': one.corrected_bits} for one in by_paper],
     }
-
-
-def claims(figures: dict[str, Any]) -> Claims:
-    """Return the bits that were corrected."""
-    paper = ', '.join(str(one['corrected_bits']) for one in figures['paper']) or 'not read'
-    return {'bits': Claim(paper, str(figures['corrected_bits']))}
 
 
 def draw(figures: dict[str, Any]) -> Any:
@@ -127,13 +117,11 @@ def draw(figures: dict[str, Any]) -> Any:
             below.plot(times_s, values, **others[name])
     threshold = figures['thresholds']
     # Only what has evidence is put to the other two tests.
-    for row in read:
-        words = (
-            f'other bits: {row["word"]:.0f} (≤ {threshold["word"]:.0f})\n'
-            f'margin to other IDs: {row["margin"]:.0f} (≥ {threshold["margin"]:.0f})'
-        )
-        how = {'textcoords': 'offset points', 'ha': 'right', 'va': 'top', 'fontsize': 10.5}
-        below.annotate(words, (row['time_s'], row['evidence']), (-12, 5), **how)
+    words = (
+        f'what is read has\nother bits: {read[0]["word"]:.0f} (≤ {threshold["word"]:.0f})\n'
+        f'margin to other IDs: {read[0]["margin"]:.0f} (≥ {threshold["margin"]:.0f})'
+    )
+    below.text(0.02, 0.95, words, va='top', fontsize=10.5, transform=below.transAxes)
     draw_level(below, threshold['evidence'], 'threshold', 0.1, linestyle='--')
     below.margins(y=0.15)
     label(below, 'time [s]', 'evidence [nats]')

@@ -72,8 +72,6 @@ def summary(results: Sequence[RoomResult]) -> dict[str, Any]:
             }
             for margin in _MARGINS
         ],
-        'read': rate(sum(read.values()), max(sum(packets.values()), 1)),
-        'misdated': sum(result.scored.misdated for result in results),
         'cells': cells,
         'places': [_place(results, company, motion) for company in COMPANY for motion in MOTIONS],
         'wrong_ids': [

@@ -44,7 +44,6 @@ def below(value: float, more_is: str = 'worse', *, by_method: bool = False) -> S
 
 SAID: dict[str, Said | str] = {
     'ids ids': exactly(4096, 'better'),
-    'chain bits': NOT_COMPARABLE,  # one packet, which had none to correct
     'marker two-months': exactly(2 * _UNITS['months'], 'better'),
     'marker two-years': above(2 * _UNITS['years']),
     'marker cheap-looks': above(2 * _UNITS['years']),
