@@ -40,27 +40,6 @@ class Stress:
 
 
 PLAIN = Stress('plain')
-STRESSES = (
-    PLAIN,
-    Stress('sways ±50 % in 2.6 s', sway=0.5, sway_s=2.6),
-    Stress('sways ±50 % in 0.9 s', sway=0.5, sway_s=0.9),
-    *(Stress(f'second marker {share:.0%}', second=share) for share in (0.1, 0.25, 0.5, 0.7)),
-    Stress('clipped at 70 %', clip=0.7),
-    Stress('wall wanders', wander=0.1),
-    Stress('clock -3 %', clock_error=-0.03),
-    Stress('clock +3 %', clock_error=0.03),
-    Stress('brightens in 20 ms', bright_s=0.020),
-    Stress('pedestal of 40', pedestal=40.0),
-    Stress('20 % lost', lost=0.2),
-    Stress('20 % abnormal', abnormal=0.2),
-    Stress('half of dark no target', no_target=0.5),
-    Stress('hand for 250 ms', hand_s=0.25),
-    Stress('occluded as drone', occlusion=Occlusion(every_s=1.7, lasting_s=0.06)),
-    Stress('noise variance / 8', noise=1 / 8),
-    Stress('noise variance × 8', noise=8.0),
-    Stress('sways ±25 % in 2.6 s', sway=0.25, sway_s=2.6),
-    Stress('sways ±25 % in 0.9 s', sway=0.25, sway_s=0.9),
-)
 
 
 @dataclass(frozen=True)

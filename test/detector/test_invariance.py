@@ -12,15 +12,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from evaluation.bench.recordings import record
-from evaluation.bench.stresses import STRESSES, Stress
+from evaluation.bench.stresses import PLAIN, Stress
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 
 LAW = NoiseLaw()
-STRESS = {stress.name: stress for stress in STRESSES}
-PLAYED = ('plain', 'sways ±50 % in 2.6 s', 'second marker 25%', '20 % lost')
+ABNORMAL = Stress('20 % abnormal', abnormal=0.2)
+PLAYED = (
+    PLAIN,
+    Stress('sways ±50 % in 2.6 s', sway=0.5, sway_s=2.6),
+    Stress('second marker 25%', second=0.25),
+    Stress('20 % lost', lost=0.2),
+)
 NATS = 0.01
 """What rounding may change of the evidence."""
 
@@ -47,7 +52,7 @@ few = settings(max_examples=5)
 class Case(NamedTuple):
     """Which recording is played."""
 
-    stress: str
+    stress: Stress
     signal: float
     repeated_s: float | None
     seed: int
@@ -55,7 +60,7 @@ class Case(NamedTuple):
     def recording(self) -> Recording:
         """Return frames of a marker in every zone, whose signals are whole sixteenths."""
         sent = record(
-            STRESS[self.stress],
+            self.stress,
             self.signal,
             np.random.default_rng(self.seed),
             USABLE_IDS,
@@ -66,7 +71,7 @@ class Case(NamedTuple):
         return replace(sent.recording, signal=signal.astype(np.float32))
 
 
-def cases(stresses: tuple[str, ...] = PLAYED) -> st.SearchStrategy[Case]:
+def cases(stresses: tuple[Stress, ...] = PLAYED) -> st.SearchStrategy[Case]:
     return st.builds(
         Case,
         stress=st.sampled_from(stresses),
@@ -133,7 +138,7 @@ def test_frames_that_come_again_change_nothing(case: Case, seed: int) -> None:
 
 
 @few
-@given(case=cases((*PLAYED, '20 % abnormal')), cuts=st.lists(st.integers(0, 300), max_size=20))
+@given(case=cases((*PLAYED, ABNORMAL)), cuts=st.lists(st.integers(0, 300), max_size=20))
 def test_it_does_not_matter_where_a_recording_is_split(case: Case, cuts: list[int]) -> None:
     recording = case.recording()
     whole = new_detector(recording)

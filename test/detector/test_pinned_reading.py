@@ -16,7 +16,7 @@ from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.following import walls
 from evaluation.bench.judging import judged
 from evaluation.bench.recordings import Sent, record, record_at
-from evaluation.bench.stresses import PANELS, PLAIN, STRESSES, Stress
+from evaluation.bench.stresses import PANELS, PLAIN, Stress
 from evaluation.experiments.paper_sweeps import repeating
 from retrolidar_ros.detector import Detection, Detector, create_detector
 from retrolidar_ros.marker.code import PACKET_S
@@ -80,9 +80,18 @@ def test_a_repeating_marker_is_read_farther_with_three_packets_than_with_one() -
 # Stress
 
 
-OFTEN = Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04))
-GLASS = Stress('behind glass', glass=20.0)
-NAMED = {stress.name: stress for stress in (*STRESSES, OFTEN, GLASS)}
+NAMED = {
+    stress.name: stress
+    for stress in (
+        Stress('sways ±25 % in 0.9 s', sway=0.25, sway_s=0.9),
+        *(Stress(f'second marker {share:.0%}', second=share) for share in (0.25, 0.5, 0.7)),
+        Stress('clipped at 70 %', clip=0.7),
+        Stress('hand for 250 ms', hand_s=0.25),
+        Stress('occluded as drone', occlusion=Occlusion(every_s=1.7, lasting_s=0.06)),
+        Stress('occluded twice a packet', occlusion=Occlusion(every_s=0.5, lasting_s=0.04)),
+        Stress('behind glass', glass=20.0),
+    )
+}
 BRIGHT = 150.0, 600.0
 STRESSED = [
     *(
