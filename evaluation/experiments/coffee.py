@@ -179,10 +179,10 @@ def claims(figures: dict[str, Any]) -> Claims:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw how long the task takes, and errors of range, a bar for each way."""
     rows = [figures['methods'][way] for way in ('joint', 'tracks')]
-    off_mm = [_median_mm(one) or 0.0 for one in rows]
-    gain = 'tracks gain nothing'
-    if off_mm[1] < off_mm[0]:
-        gain = f'tracks are {off_mm[1]:.1f} mm off instead of {off_mm[0]:.1f} mm'
+    packets, tracks = (as_text(_median_mm(one), 'mm', 1) for one in rows)
+    gain = f'by tracks, ranges are {tracks} off instead of {packets}'
+    if packets == tracks:
+        gain = f'ranges of packets and of tracks are {packets} off'
     title = (
         f'An arm places three objects in {rows[0]["by_range"]["mean_s"]:.1f} s; with tags, in '
         f'{figures["tags"]["mean_s"]:.1f} s; {gain}'

@@ -19,7 +19,7 @@ from evaluation.bench.judging import Options, judged, read_of
 from evaluation.bench.rates import Frequency, frequency, rate
 from evaluation.bench.recordings import record_at
 from evaluation.report.chart_style import label, legend_below, line, look, new_chart
-from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, per_hour
+from evaluation.report.claims import BOTH_CLAIMED, Claim, Claims, Table, per_hour, three_digits
 from retrolidar_ros.detector import METHODS, Detection, create_detector
 from retrolidar_ros.detector.methods import USUAL_FALSE_IDS_PER_HOUR
 from retrolidar_ros.detector.paper_detector import LIKELIHOOD_THRESHOLD
@@ -198,11 +198,12 @@ def _draw_group(axis: Any, figures: dict[str, Any], group: str) -> None:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw identification over false IDs, a panel for each kind of scene."""
-    ours, paper = (grouped(shipped(figures, method), STILL) for method in METHODS)
-    seen = f'{ours["per_hour"]:.2g} an hour' if ours['events'] else 'none seen'
+    points = [shipped(figures, method) for method in METHODS]
+    false = three_digits(grouped(points[1], STILL)['per_hour'])
+    ours, paper = (f'{one["read"][f"{_RANGES_M[0]:g}"]["right"]["rate"]:.0%}' for one in points)
     title = (
-        f'False IDs as shipped, where nothing blinks: {seen}, at most '
-        f"{ours['high']:.2g} an hour; by the paper's method {paper['per_hour']:.0f}"
+        f"As shipped, the default reads {ours} of lone packets at {_RANGES_M[0]:g} m, the paper's "
+        f'method {paper}, with {false} false IDs an hour'
     )
     figure, panels = new_chart(4, 2, 7.6, title)
     for axis, group in zip(panels, GROUPS, strict=True):

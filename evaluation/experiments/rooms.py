@@ -195,7 +195,7 @@ def draw(figures: dict[str, Any]) -> Any:
         axis.set_yticks(range(len(SENDINGS)), names, fontsize=10.5)
     foreign = figures['wrong']['hits'] - counted(figures, None)[2]
     figure.supxlabel(
-        'signal over noise [dB]; one packet needs 8 dB\n'
+        'signal over noise [dB]\n'
         f'besides, {foreign} wrong near markers of other kinds, or near none',
         fontsize=11,
     )

@@ -25,7 +25,7 @@ from evaluation.bench.room_truth import COMPANY
 from evaluation.experiments.moving import WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, View, read_pictures
-from evaluation.report.chart_style import label, look, name_curve, new_chart
+from evaluation.report.chart_style import label, legend_below, look, new_chart
 from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene.reference import SENSOR
 
@@ -39,6 +39,7 @@ _TRIALS = 24  # of each end
 _ROOMS, _QUICK_ROOMS = 150, 6
 _PICTURES = 40
 _APART_M = (0.0, 0.1, 0.3)  # of two in a zone, at the first range
+_CURVES = {'packets': 'packets', 'tracks': 'all'}
 _EXPOSURES_S = {'33 ms': 1 / 30, '4 ms': 1 / 250}  # of its pictures, thirty a second
 
 
@@ -227,40 +228,37 @@ def points_at(figures: dict[str, Any], way: str) -> list[dict[str, Any]]:
 
 
 def _message(figures: dict[str, Any]) -> str:
-    point = points_at(figures, [*WAYS][-1])[-1]
-    packets, tracks = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
-    speed = f'{point["speed_m_s"]:g} m/s'
-    return (
-        f'To and fro at {speed}, the range of a track is {tracks} off (rms), '
-        f'that of a packet {packets}'
+    points = [one for curve in figures['curves'] for one in curve['points']]
+    still, moving = (
+        [one for one in points if bool(one['speed_m_s']) == of] for of in (False, True)
     )
 
+    def better(own: list[dict[str, Any]]) -> str:
+        count = sum((one['all_mm'] or np.inf) < (one['packets_mm'] or np.inf) for one in own)
+        return f'{count} of {len(own)}'
 
-_CURVES = {'packets_mm': ('joint', 'packets'), 'all_mm': ('tracks', 'tracks')}
+    return (
+        f'The range of a track, at any time, is better than that of a packet, at its stamp, '
+        f'in {better(still)} cases at rest and {better(moving)} in motion'
+    )
 
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the error of range over the speed at the first distance, a panel for each way."""
-    figure, panels = new_chart(2, 2, 4.4, _message(figures))
+    figure, panels = new_chart(2, 2, 4.6, _message(figures))
+    looks = {'packets': look('joint'), 'tracks': look('tracks')}
+    styles = zip('-:', figures['apriltag'].items(), strict=True)
+    tags = {f'tag, exposed for {words}': (style, of) for style, (words, of) in styles}
+    looks |= {words: look(APRILTAG) | {'linestyle': style} for words, (style, _) in tags.items()}
     for axis, way in zip(panels, WAYS, strict=True):
         points = points_at(figures, way)
-        curves = [
-            (name, words, '-', [one[key] for one in points])
-            for key, (name, words) in _CURVES.items()
-        ]
+        curves = {name: [one[f'{key}_mm'] for one in points] for name, key in _CURVES.items()}
         if axis is panels[0]:
-            for style, (words, tags) in zip('-:', figures['apriltag'].items(), strict=True):
-                errors = [one['error_mm'] and one['error_mm']['rms'] for one in tags]
-                curves.append((APRILTAG, f'tag, exposed {words}', style, errors))
-        for name, words, style, errors in curves:
-            known = [(at, mm) for at, mm in zip(_SPEEDS_M_S, errors, strict=True) if mm]
-            if known:
-                axis.plot(*zip(*known, strict=True), **look(name) | {'linestyle': style})
-                speed, off_mm = known[-1]
-                # Names of tags stand below their curves.
-                lower, ha = (0.62, 'left') if speed < 0.2 else (0.4, 'right')
-                higher = lower if name == APRILTAG else 1.4
-                name_curve(axis, name, words, (speed, higher * off_mm), ha=ha)
+            for words, (_, seen) in tags.items():
+                curves[words] = [one['error_mm'] and one['error_mm']['rms'] for one in seen]
+        for words, errors in curves.items():
+            axis.plot(_SPEEDS_M_S, [one or np.nan for one in errors], **looks[words])
         x, y, title = 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m'
-        label(axis, x, y, title, yscale='log', ylim=(0.2, 300), yticks=(0.3, 1, 3, 10, 30, 100))
+        label(axis, x, y, title, yscale='log', ylim=(0.2, 100), yticks=(0.3, 1, 3, 10, 30, 100))
+    legend_below(figure, (), looks)
     return figure

@@ -78,7 +78,7 @@ def headlines(report: Report) -> str:
     counted = f'{one["events"]} in {one["hours"]:g} h: at most {one["high"]:.2g} an hour (95 %)'
     rows.append(['How often is an ID read where there is no marker?', counted, '"none"', NOTHING])
     wrong = report['rooms']['wrong']
-    counted = f'{wrong["rate"]:.2%}, at most {wrong["high"]:.2%} (95 %)'
+    counted = f'{wrong["rate"]:.2%}, at most {wrong["high"]:.2%} (95 %, if independent)'
     what = 'How many IDs are wrong in [random rooms](docs/report/README.md#how-sure-a-reading-is)?'
     rows.append([what, counted, NOTHING, NOTHING])
     lux = peers.words(figures, 'light', APRILTAG, 1)
@@ -121,9 +121,8 @@ def telling(report: Report) -> str:
     """Return what the detector gains by knowing more of a scene."""
     any_s, few_s = (time_to_id.at(report['time-to-id'], one, 1.0) for one in ('joint', REGISTERED))
     one, several = (as_text(end_of(report[of], name, 'joint')) for of, name in _PACKETS)
-    to_and_fro = tracks.points_at(report['tracks'], [*WAYS][-1])
-    point = next(one for one in to_and_fro if one['speed_m_s'] == _MOVING_M_S)
-    packets, track = (as_text(point[name], 'mm', 0) for name in ('packets_mm', 'all_mm'))
+    flown = next(one for one in report['drone']['faster'] if one['speed_m_s'] == _MOVING_M_S)
+    packet, track = (as_text(flown['joint'][name], 'mm', 0) for name in ('off_mm', 'followed_mm'))
     looks = {
         row['places']: as_text(row['median_mm'], 'mm', 0)
         for row in report['landmarks']['places']
@@ -139,7 +138,7 @@ def telling(report: Report) -> str:
         f'with {time_to_id.FEW} of them the first ID comes after {few_s} instead of {any_s}',
         f'3 cm are read to {several} instead of {one}',
         f'a position at 1.5 m is {looks[4]} off after four looks, {looks[1]} after one',
-        f'to and fro at {_MOVING_M_S:g} m/s a range is {track} off instead of {packets}',
+        f'at {_MOVING_M_S:g} m/s a drone is {track} from its track, {packet} from its last packet',
         f'in random rooms {" are wrong instead of ".join(wrong)}; {fewer:.0%} fewer readings',
     ]
     rows = ([*told, buys] for told, buys in zip(_TELLING, bought, strict=True))
