@@ -18,7 +18,7 @@ from evaluation.bench.judging import BOTH, judged, read_of
 from evaluation.bench.rates import LEVEL, Rate, crossing, rate
 from evaluation.bench.recordings import Sent, signal_at, snr_db
 from evaluation.experiments.paper_sweeps import lone_packets
-from evaluation.report.chart_style import draw_shares, label, legend_under, look, new_chart
+from evaluation.report.chart_style import draw_shares, label, legend_below, look, new_chart
 from evaluation.report.claims import Table, as_text
 from retrolidar_ros.detector import create_detector
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
@@ -124,9 +124,9 @@ def draw(figures: dict[str, Any]) -> Any:
         'accepted': look('joint'),
     }
     for name, rows in figures['identified'].items():
-        draw_shares(axis, figures['ranges_m'], rows, label=_NAMES[name], **looks[name])
+        draw_shares(axis, figures['ranges_m'], rows, **looks[name])
     axis.axhline(100 * LEVEL, color='0.6', linewidth=0.8)
     x, y = 'distance of a marker of 3 cm [m]', 'lone packets named rightly [%]'
     label(axis, x, y, percent=True)
-    legend_under(axis, 1)
+    legend_below(figure, (), {_NAMES[name]: how for name, how in looks.items()})
     return figure

@@ -151,12 +151,6 @@ def legend_below(
     )
 
 
-def legend_under(axis: Any, columns: int = 2) -> None:
-    """Write the legend of one panel below it."""
-    place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, -0.19), 'borderaxespad': 0.0}
-    axis.legend(**place, ncols=columns, frameon=False, fontsize=10.5)
-
-
 def legend_beside(axis: Any) -> None:
     """Write the legend of one panel at its right, where no other panel is."""
     place = {'loc': 'center left', 'bbox_to_anchor': (1.05, 0.5)}
