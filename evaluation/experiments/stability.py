@@ -45,14 +45,16 @@ def read(
     return {name: read_of(rows) for name, rows in found.items()}
 
 
-def _breaks(panel: Panel, where: Where, seed: int, method: str, enough: float) -> dict[str, Any]:
+def _breaks(
+    panel: Panel, where: Where, seed: int, recordings: int, method: str, enough: float
+) -> dict[str, Any]:
     """Return the value at which a method begins to read less than a share."""
     if enough < LEVEL * _MIN_READ:
         return {'state': 'not read'}
     values, low, high = panel.values, 0, len(panel.values)
     while high - low > 1:
         middle = (low + high) // 2
-        found = read(panel, middle, where, seed, 1, method)[method]['right']['rate']
+        found = read(panel, middle, where, seed, recordings, method)[method]['right']['rate']
         low, high = (middle, high) if found >= enough else (low, middle)
     if high == len(values):
         return {'state': 'never', 'at': values[-1]}
@@ -68,17 +70,21 @@ def named(where: Where) -> str:
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return breaking points by condition, and the panels of one in full, there of both methods."""
     seed, conditions = int(rng.integers(2**31)), CONDITIONS[:: 4 if quick else 1]
-    harmless = {where: read(PANELS[0], 0, where, seed, 1, *METHODS) for where in conditions}
+    recordings = 1 if quick else 4
+    harmless = {
+        where: read(PANELS[0], 0, where, seed, recordings, *METHODS) for where in conditions
+    }
     panels = []
     for panel in PANELS[:: 5 if quick else 1]:
         breaks: dict[str, dict[str, Any]] = {named(where): {} for where in conditions}
         for where, method in itertools.product(conditions, METHODS):
             if where == SHOWN or method == 'joint':
                 enough = LEVEL * harmless[where][method]['right']['rate']
-                breaks[named(where)][method] = _breaks(panel, where, seed, method, enough)
+                breaks[named(where)][method] = _breaks(
+                    panel, where, seed, recordings, method, enough
+                )
         points = [
-            {'place': panel.values[index]}
-            | read(panel, index, SHOWN, seed, 1 if quick else 2, *METHODS)
+            {'place': panel.values[index]} | read(panel, index, SHOWN, seed, recordings, *METHODS)
             for index in range(0, len(panel.values), 3 if quick else 1)
         ]
         about = {'name': panel.name, 'title': panel.title, 'axis': panel.axis}
