@@ -23,7 +23,7 @@ static const double OFFSET = 0.05;
 static const double ANYTHING = 0.01;
 /* Greatest light of an unknown marker, over that of this one. */
 static const double MAX_MORE = 1.2;
-/* A marker is gone after so many unseen bits; dark ones count a part: experiment `track-ends`. */
+/* A marker is gone after so many unseen bits; dark ones count a part: experiment `tracks`. */
 static const double GONE_BITS = 12.0, GONE_STEP_BITS = 1.2, DARK_PART = 0.6;
 static const double BRIGHT_LIGHT = 0.5, SEEN = 4.0; /* [nats] */
 static const double MIN_CHANCE = 1e-9, MAX_STEP_S = 0.1;
