@@ -159,6 +159,8 @@ def test_noise_of_all_bits_ends_nothing(method: str) -> None:
         strange = dict(zip(('distance', 'signal', 'ambient'), values, strict=True))
         with np.errstate(all='ignore'):
             detector.update(replace(frame, stamp_ns=stamp_ns, status=status[number], **strange))
+    assert detector.counts.impossible > 100
+    assert ids(run(lone(), detector)) == [ID]
 
 
 @every_method
