@@ -250,13 +250,18 @@ def in_turn(numbers: tuple[int, ...], pause_bits: float, middle_s: Floats) -> Fl
 LONG_S = np.arange(PERIOD_S / 2, START_S + 5.5 * PACKET_S, PERIOD_S)
 
 
-@pytest.mark.parametrize(('number', 'pause_bits', 'other'), [(3117, 1, 1707), (2139, 2, 1195)])
-def test_a_marker_that_pauses_is_no_other(number: int, pause_bits: int, other: int) -> None:
+@pytest.mark.parametrize(
+    ('number', 'pause_bits', 'other', 'gain'),
+    [(3117, 1, 1707, 150.0), (2139, 2, 1195, 150.0), (1559, 1, 1365, 40.0), (4074, 9, 1626, 40.0)],
+)
+def test_a_marker_that_pauses_is_no_other(
+    number: int, pause_bits: int, other: int, gain: float
+) -> None:
     """The end of its packet, the pause and the next packet's beginning are another's packet."""
     bits = np.concatenate([packet(number), np.zeros(pause_bits), packet(number)])
     assert any(np.array_equal(bits[n : n + PACKET_BITS], packet(other)) for n in range(PACKET_BITS))
-    mean = 10.0 + 150.0 * np.outer(in_turn(4 * (number,), pause_bits, LONG_S), SPREAD[5])
-    for seed in range(6):
+    mean = 10.0 + gain * np.outer(in_turn(4 * (number,), pause_bits, LONG_S), SPREAD[5])
+    for seed in range(12):
         assert read_in(mean, seed, LONG_S) == {number}
 
 
