@@ -40,7 +40,6 @@ from retrolidar_ros.bag import (
 )
 from retrolidar_ros.cli.main import main
 
-
 CUT = r'is empty|not an SQLite file|ends at byte {}\b|record at byte \d+: (damaged|a .* is cut off)'
 ZEROS = 'not an|no whole record|is cut off|is malformed|table lacks messages|x. zones|little-endian'
 
