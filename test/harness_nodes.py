@@ -69,17 +69,22 @@ class System(Observer):
         return self.processes.log(name).read_text()
 
     @contextmanager
-    def fed(self, topic: str) -> Iterator[None]:
-        """Publish frames of the coffee scene, faster than they would come."""
+    def fed(self, topic: str) -> Iterator[list[int]]:
+        """Publish frames of the coffee scene, faster than they would come; yield their stamps."""
         simulation = Simulation(load_scene('coffee'))
         frames = itertools.chain.from_iterable(map(simulation.advance, itertools.repeat(100)))
         publisher = self.node.create_publisher(FrameMsg, topic, 10)
         self.wait(lambda: publisher.get_subscription_count() > 0, f'subscribers of {topic}')
-        feed = self.node.create_timer(
-            0.007, lambda: publisher.publish(to_frame_msg(next(frames), FRAME_ID))
-        )
+        sent_ns: list[int] = []
+
+        def send() -> None:
+            frame = next(frames)
+            sent_ns.append(frame.stamp_ns)
+            publisher.publish(to_frame_msg(frame, FRAME_ID))
+
+        feed = self.node.create_timer(0.007, send)
         try:
-            yield
+            yield sent_ns
         finally:
             self.node.destroy_timer(feed)
             self.node.destroy_publisher(publisher)

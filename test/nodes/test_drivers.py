@@ -13,7 +13,6 @@ from harness import Sensor, check_detections, check_frames, wait_for_readings
 from harness_nodes import COFFEE_IDS, System, running
 from harness_observer import values_of
 from lifecycle_msgs.msg import Transition
-from rclpy.node import Node
 from st_board import Board, Zone
 
 from retrolidar_ros.cli.demo import executable
@@ -26,7 +25,6 @@ from retrolidar_ros.scene.emulator import VERSION, PortLink
 from retrolidar_ros.sensor.clock import ClockMap
 from retrolidar_ros.sensor.serial_source import SerialSource
 from retrolidar_ros.sensor.wire import FrameReader, WireCounts
-from retrolidar_ros.settings.files import shared_file
 
 STATUS = 'driver: frames'
 STOPPED = 'the sensor is stopped: call ~/start'
@@ -137,6 +135,8 @@ def test_each_state_of_the_life_cycle(system: System) -> None:
     change(system, Transition.TRANSITION_ACTIVATE)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
     assert not system.frames
+    # What it cannot do from here is refused, and it lives on.
+    assert not system.services.change_state('driver', Transition.TRANSITION_CONFIGURE)
     # Configuring it anew starts the sensor, also while the cable is out.
     system.stop('sensor')
     change(system, Transition.TRANSITION_DEACTIVATE)
@@ -148,22 +148,6 @@ def test_each_state_of_the_life_cycle(system: System) -> None:
     wait_for_more(system)
     change(system, Transition.TRANSITION_ACTIVE_SHUTDOWN)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'finalized')
-
-
-def test_the_parameters_for_the_lifecycle_manager_of_nav2(system: System) -> None:
-    """They are read as rcl reads them, and name the node that has a life cycle."""
-    manager = Node(
-        'lifecycle_manager',
-        context=system.node.context,
-        namespace=system.namespace,
-        cli_args=['--ros-args', '--params-file', str(shared_file('config/nav2.yaml'))],
-        automatically_declare_parameters_from_overrides=True,
-    )
-    assert manager.get_parameter('node_names').value == ['driver']
-    assert manager.get_parameter('autostart').value is True
-    # A whole number would be of another type, which nav2 refuses.
-    assert repr(manager.get_parameter('bond_timeout').value) == '0.0'
-    manager.destroy_node()  # type: ignore[no-untyped-call]
 
 
 def test_text_is_published_as_frames(tmp_path: Path) -> None:

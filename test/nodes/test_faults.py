@@ -16,7 +16,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor, check_detections, check_frames, check_stamps
 from harness_nodes import COFFEE_IDS, FRAME_ID, System, in_this_process, running
 from harness_observer import values_of
-from lifecycle_msgs.msg import Transition
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -138,29 +137,13 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(chain: Chain) -> None:
     )
 
 
-def test_frames_that_a_driver_does_not_send_are_not_lost(chain: Chain) -> None:
-    system = chain.system
-    change_state = system.services.change_state
-    assert not change_state('driver', Transition.TRANSITION_CONFIGURE)  # and it lives on
-    lost, seen = system.number(DETECTOR, 'lost frames'), len(system.statuses[DETECTOR])
-    assert change_state('driver', Transition.TRANSITION_DEACTIVATE)
-    system.pass_time(1.5)
-    assert change_state('driver', Transition.TRANSITION_ACTIVATE)
-    system.wait_for_status(DETECTOR, WARN, 'frames were not sent')
-    system.wait_for_status(DETECTOR, OK, 'accepted')
-    assert not any('were lost' in status.message for status in system.statuses[DETECTOR][seen:])
-    assert system.number(DETECTOR, 'lost frames') == lost
-
-
 def test_a_detector_that_stands_still_is_reported_and_loses_nothing(chain: Chain) -> None:
     system = chain.system
-    pid = system.processes.pid('detector')
-    lost, seen = system.number(DETECTOR, 'lost frames'), len(system.statuses[DETECTOR])
+    pid, lost = system.processes.pid('detector'), system.number(DETECTOR, 'lost frames')
     os.kill(pid, signal.SIGSTOP)
     try:
         system.wait_for_status(DRIVER, WARN, 'the detector has judged no frame for', 2.5)
-        system.pass_time(1.5)
-        assert len(system.statuses[DETECTOR]) <= seen + 1  # nobody speaks in its name
+        system.wait_for_frames(len(system.frames) + 60)
     finally:
         os.kill(pid, signal.SIGCONT)
     system.wait_for_status(DETECTOR, OK, 'accepted')
@@ -194,14 +177,12 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     first = chain.sequences()[-1]
     chain.sensor.pull()
     pulled = max(chain.sensor.middle_ns)
-    before = len(system.statuses[DRIVER])
     system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
     with system.subscribed(Header, 'detector/heartbeat') as beats:
-        system.pass_time(2.5)
+        for _ in range(2):
+            system.wait_for_status(DRIVER, ERROR, 'does not exist')
     assert not beats
     assert len(system.frames) - frames < 80
-    levels = [status.level for status in system.statuses[DRIVER][before + 1 :]]
-    assert levels.count(ERROR) >= 2
     assert system.statuses[DETECTOR][-1].level == STALE
     chain.sensor.plug()
     back = len(system.frames)
@@ -290,7 +271,7 @@ def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:
         deaf.create_subscription(FrameMsg, 'frames', lambda _: None, reliable)
         name = f'{system.namespace}/frames'
         system.wait(lambda: deaf.count_subscribers(name) > 2, 'the deaf subscriber')
-        system.pass_time(2.0)
+        system.wait_for_frames(len(system.frames) + 95)
         chain.expect_all(first)
     finally:
         deaf.destroy_node()

@@ -28,7 +28,6 @@ from retrolidar_ros.settings.parameter import Parameter, declared
 
 DRIVER, DETECTOR, BARE = '/real/driver', '/live/detector', '/bare/detector'
 COFFEE, HEARTBEAT = '/live/coffee', '/live/heartbeat'
-SETTLING_S = 0.2  # until what was on its way has come
 EMPTY = ParameterValue(type=ParameterType.PARAMETER_INTEGER_ARRAY)
 
 
@@ -39,22 +38,29 @@ def declared_of(node: str) -> dict[str, Parameter]:
 class Live:
     """Nodes that are fed, and whose parameters are set."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, sent_ns: list[int]) -> None:
+        """Take the stamps of the frames that the detector is fed, to which more are added [ns]."""
         self.system = system
         self.services = system.services
+        self._sent_ns = sent_ns
+        self._since_ns = 0
 
     def set(self, node: str, **changes: Any) -> None:
-        """Set parameters, and forget what was read before."""
+        """Set parameters; from now on, what was read of earlier frames does not count."""
         self.services.set(node, **changes)
-        self.forget()
+        self._since_ns = self._sent_ns[-1]
 
-    def forget(self) -> None:
-        self.system.pass_time(SETTLING_S)
-        self.system.markers.clear()
-        self.system.transforms.clear()
+    def _readings(self) -> list[MarkerDetection]:
+        return [one for one, _ in self.system.markers if to_ns(one.end) > self._since_ns]
 
     def read(self) -> list[int]:
-        return [message.id for message, _ in self.system.markers]
+        return [message.id for message in self._readings()]
+
+    def transformed(self) -> list[str]:
+        """Return the names of what was read and has a transform."""
+        read = {(one.child_frame_id, to_ns(one.header.stamp)) for one in self._readings()}
+        sent = {(one.child_frame_id, to_ns(one.header.stamp)) for one in self.system.transforms}
+        return sorted({name for name, _ in read & sent})
 
     def wait_for_readings(self, count: int, *ids: int) -> None:
         """Wait until each of these IDs was read so often."""
@@ -72,8 +78,8 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
         system.start('detector', name='bare', namespace='/bare', publish_tf='false')
         system.start('coffee')
         system.start('heartbeat')
-        with system.fed('/live/frames'):
-            yield Live(system)
+        with system.fed('/live/frames') as sent_ns:
+            yield Live(system, sent_ns)
 
 
 @pytest.fixture
@@ -133,11 +139,11 @@ def test_transforms_and_shapes_change_at_once(live: Live) -> None:
     with live.system.subscribed(MarkerArray, 'marker_array') as arrays:
         live.wait_for_readings(2, *NAMES)
         live.system.wait(lambda: bool(arrays), 'shapes')
-    assert live.system.transforms == []
+    assert live.transformed() == []
     for shape in arrays[0].markers:
         assert (shape.lifetime.sec, shape.lifetime.nanosec) == (7, 250_000_000)
     live.set(DETECTOR, publish_tf=True)
-    live.system.wait_for_transforms(*NAMES.values())
+    live.system.wait(lambda: live.transformed() == sorted(NAMES.values()), 'transforms')
 
 
 def test_a_wrong_bit_period_is_reported_and_candidates_are_logged_for_debugging(live: Live) -> None:
@@ -213,7 +219,7 @@ def test_parameters_set_at_once_are_all_refused_if_one_is(live: Live) -> None:
     live.set(DETECTOR, stale_after=5.0)  # does not bring them after all
     assert live.services.get(DETECTOR) == before | live.services.get(DETECTOR, 'stale_after')
     live.wait_for_readings(1, *NAMES)
-    live.system.wait(lambda: bool(live.system.transforms), 'transforms')
+    live.system.wait(lambda: bool(live.transformed()), 'transforms')
 
 
 def test_limits_of_all_ranges_do_not_end_the_node(live: Live) -> None:
@@ -225,8 +231,7 @@ def test_limits_of_all_ranges_do_not_end_the_node(live: Live) -> None:
             live.services.set(DETECTOR, **{name: value})
             live.system.pass_time(0.1)
         if limits:
-            live.services.set(DETECTOR, **{name: declared_of(DETECTOR)[name].default})
-    live.forget()
+            live.set(DETECTOR, **{name: declared_of(DETECTOR)[name].default})
     live.wait_for_readings(1, *NAMES)
 
 
@@ -241,8 +246,7 @@ def test_a_new_transport_delay_is_subtracted_at_once(nodes: Live) -> None:
         return float(np.median(off_ns)) * 1e-9
 
     with Sensor(load_scene('coffee'), system.port) as sensor:
-        system.wait(lambda: bool(sensor.middle_ns), 'the driver to listen')
-        system.pass_time(0.5)
+        system.wait(lambda: len(sensor.middle_ns) > 25, 'the driver to listen')
         before_s = error_s()
         assert abs(before_s) < 0.02
         nodes.set(DRIVER, transport_delay=0.0505)

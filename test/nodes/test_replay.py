@@ -92,9 +92,8 @@ def replayed(
 
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         # Until the detector listens; the same frame again changes nothing.
-        while not beats:
+        while not system.spin_until(lambda: bool(beats), 0.1):
             play(first)
-            system.pass_time(0.1)
     yield play
 
 

@@ -201,6 +201,15 @@ def test_the_parameter_file_and_the_library_have_the_same_defaults_and_limits() 
     assert set(READING) < set(detector)
 
 
+def test_the_parameters_for_the_lifecycle_manager_of_nav2_name_the_driver() -> None:
+    parameters = {'node_names': ['driver'], 'autostart': True, 'bond_timeout': 0.0}
+    found = load_yaml(shared_file('config/nav2.yaml'))
+    assert found == {'/**/lifecycle_manager': {'ros__parameters': parameters}}
+    # A whole number would be of another type, which nav2 refuses.
+    (section,) = found.values()
+    assert isinstance(section['ros__parameters']['bond_timeout'], float)
+
+
 def test_every_parameter_is_described_and_has_limits_that_its_default_keeps() -> None:
     for node, parameters in declared().items():
         for name, one in parameters.items():
