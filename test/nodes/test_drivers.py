@@ -146,6 +146,13 @@ def test_each_state_of_the_life_cycle(system: System) -> None:
     plug(system)
     change(system, Transition.TRANSITION_ACTIVATE)
     wait_for_more(system)
+    change(system, Transition.TRANSITION_DEACTIVATE)
+    system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not active')
+    seen = len(system.frames)
+    system.next_status(STATUS)
+    assert len(system.frames) == seen
+    change(system, Transition.TRANSITION_ACTIVATE)
+    wait_for_more(system)
     change(system, Transition.TRANSITION_ACTIVE_SHUTDOWN)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'finalized')
 
