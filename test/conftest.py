@@ -34,7 +34,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 HERE = Path(__file__).resolve().parent
 NEEDED = {
     'evaluation': ('pyapriltags',),  # experiments need libraries from pip, not of robots
-    'harness|harness_nodes|retrolidar_ros.nodes': ('rclpy', 'retrolidar_ros.msg'),
+    'harness|harness_observer|retrolidar_ros.nodes': ('rclpy', 'retrolidar_ros.msg'),
 }
 """What tests that import these modules need."""
 # Those of the launch files are for launch_test.

@@ -1,30 +1,43 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What tests receive from running nodes, wait for, and ask of their services."""
+"""Running nodes: how tests start, feed and end them, what these receive of them and ask them."""
 
+import itertools
+import os
+import signal
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from harness import PATIENCE_S
+from harness import PATIENCE_S, wait_for_readings
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterDescriptor, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
+from retrolidar_ros.cli.demo import executable
+from retrolidar_ros.cli.processes import ProcessGroup
+from retrolidar_ros.msg import Frame as FrameMsg
+from retrolidar_ros.nodes.conversion import to_frame_msg
 from retrolidar_ros.nodes.listener import Listener
+from retrolidar_ros.nodes.reader import create_nodes
+from retrolidar_ros.scene import Simulation
+from retrolidar_ros.scene.description import load_scene
 
-LATCHED = QoSProfile(  # type: ignore[no-untyped-call]
-    depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-RELIABLE = QoSProfile(depth=1000)  # type: ignore[no-untyped-call]
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RELIABLE = QoSProfile(depth=1000)
 _ASK_AGAIN_S = 5.0
+FRAME_ID = 'retrolidar_optical_frame'
+COFFEE_IDS = {2073, 2096, 2107}
 
 
 def values_of(status: DiagnosticStatus) -> dict[str, str]:
@@ -181,3 +194,103 @@ class Services:
     def set(self, node: str, **changes: Any) -> None:
         for result in self.try_to_set(node, **changes):
             assert result.successful, result.reason
+
+
+class System(Observer):
+    """Nodes of a namespace, their messages and logs."""
+
+    def __init__(self, directory: Path, namespace: str, processes: ProcessGroup) -> None:
+        super().__init__(namespace)
+        self.port = directory / 'port'
+        self.processes = processes
+        self.started: list[str] = []
+
+    def start(
+        self, node: str, *arguments: str, name: str = '', namespace: str = '', **parameters: object
+    ) -> None:
+        """Start a node; its process has a name of its own if there are several of a kind."""
+        command = [executable(node), '--ros-args', '-r', f'__ns:={namespace or self.namespace}']
+        command += arguments
+        for key, value in parameters.items():
+            command += ['-p', f'{key}:={value}']
+        self.processes.start(name or node, command)
+        self.started.append(name or node)
+
+    def stop(self, name: str, number: signal.Signals = signal.SIGINT) -> None:
+        """End a process by a signal, which must end it in order."""
+        if number != signal.SIGINT:
+            self.send(name, number)
+        self.started.remove(name)
+        assert self.processes.stop(name) == 0
+        assert 'Traceback' not in self.log(name)
+
+    def send(self, name: str, number: signal.Signals) -> None:
+        """End a process by a signal of one's choice; it is left to be stopped."""
+        os.kill(self.processes.pid(name), number)
+        os.waitid(os.P_PID, self.processes.pid(name), os.WEXITED | os.WNOWAIT)
+
+    def kill(self, name: str) -> None:
+        """End a process by SIGKILL."""
+        self.send(name, signal.SIGKILL)
+        self.processes.stop(name)
+        self.started.remove(name)
+
+    def log(self, name: str) -> str:
+        return self.processes.log(name).read_text()
+
+    @contextmanager
+    def fed(self, topic: str) -> Iterator[list[int]]:
+        """Publish frames of the coffee scene, faster than they would come; yield their stamps."""
+        simulation = Simulation(load_scene('coffee'))
+        frames = itertools.chain.from_iterable(map(simulation.advance, itertools.repeat(100)))
+        publisher = self.node.create_publisher(FrameMsg, topic, 10)
+        self.wait(lambda: publisher.get_subscription_count() > 0, f'subscribers of {topic}')
+        sent_ns: list[int] = []
+
+        def send() -> None:
+            frame = next(frames)
+            sent_ns.append(frame.stamp_ns)
+            publisher.publish(to_frame_msg(frame, FRAME_ID))
+
+        feed = self.node.create_timer(0.007, send)
+        try:
+            yield sent_ns
+        finally:
+            self.node.destroy_timer(feed)
+            self.node.destroy_publisher(publisher)
+
+    def read_all(self, ids: set[int] = COFFEE_IDS) -> None:
+        """Wait until each marker is read from now on."""
+        self.markers.clear()
+        wait_for_readings(self, ids)
+
+
+@contextmanager
+def running(directory: Path, namespace: str) -> Iterator[System]:
+    """Open a system; what runs at the end of the block must end in order."""
+    with ProcessGroup(directory) as processes:
+        system = System(directory, namespace, processes)
+        try:
+            yield system
+            processes.check()
+            for name in list(system.started):
+                system.stop(name)
+        finally:
+            system.close()
+
+
+@contextmanager
+def in_this_process(system: System, *arguments: str) -> Iterator[SingleThreadedExecutor]:
+    """Make driver and detector in this process; a test can spin them and replace functions."""
+    rclpy.init(args=['--ros-args', '-r', f'__ns:={system.namespace}', *arguments])
+    executor = SingleThreadedExecutor()
+    nodes = create_nodes()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        yield executor
+    finally:
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.shutdown()

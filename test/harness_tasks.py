@@ -13,12 +13,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Vector3Stamped
 from harness import MAX_MAHALANOBIS, check_place
 from harness_observer import LATCHED, Observer, values_of
+from harness_readings import GRID, HERE, SQUARE
 from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker as Shape
 from visualization_msgs.msg import MarkerArray
 
-from retrolidar_ros.detector.detection import place, zone_bearing
+from retrolidar_ros.detector.detection import largest_stddev, place, zone_bearing
 from retrolidar_ros.msg import MarkerDetection
 from retrolidar_ros.nodes.conversion import (
     covariance_of,
@@ -30,7 +31,7 @@ from retrolidar_ros.nodes.conversion import (
     vector_of,
 )
 from retrolidar_ros.scene.description import Marker, Scene
-from retrolidar_ros.sensor.frame import Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.sensor.rotation import quaternion_of
 from retrolidar_ros.settings.files import load_yaml
 
@@ -167,18 +168,15 @@ def publish_base(observer: Observer) -> None:
 
 HAND = 'hand_optical_frame'
 FIXED = 'base_link'
-MUG_M = np.array([0.1, -0.05, 1.2])
-CORNERS = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
-_GRID = ZoneGrid()
 _RANGE_STDDEV_M = 0.001
 _LATE_S = 0.25
 
 
 def detection_of(name: str, identity: int, own_m: Floats, stamp_ns: int) -> MarkerDetection:
     """Return what the hand reads of a marker at a place of its own frame."""
-    column, row = np.rint(own_m[:2] / own_m[2] / _GRID.pitch + 1.5).astype(int)
+    column, row = np.rint(own_m[:2] / own_m[2] / GRID.pitch + 1.5).astype(int)
     range_m = float(np.linalg.norm(own_m))
-    spot = place(zone_bearing(int(4 * row + column), _GRID), range_m, _RANGE_STDDEV_M)
+    spot = place(zone_bearing(int(4 * row + column), GRID), range_m, _RANGE_STDDEV_M)
     message = MarkerDetection(header=to_header(stamp_ns, HAND), child_frame_id=name)
     message.id, message.range, message.range_stddev = identity, range_m, _RANGE_STDDEV_M
     message.pose.pose = to_pose(spot.position_m, spot.orientation)
@@ -227,7 +225,7 @@ def squared(message: PoseWithCovarianceStamped, truth_m: Floats) -> float:
 
 def deviation_m(message: PoseWithCovarianceStamped) -> float:
     """Return the deviation of a position in its worst direction [m]."""
-    return float(np.sqrt(np.linalg.eigvalsh(covariance_of(message.pose)[:3, :3])[-1]))
+    return largest_stddev(covariance_of(message.pose)[:3, :3])
 
 
 def check_landmarks(observer: Observer, saved: Path) -> None:
@@ -237,15 +235,14 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     shapes = observer.collect(MarkerArray, 'landmarks/marker_array')
     hand = Hand(observer)
     observer.wait_for_status(name, DiagnosticStatus.WARN, 'nothing is placed yet')
-    corners = [np.append(corner, 0.0) for corner in CORNERS]
     # The topic is made with the first pose; until it is discovered, messages may get lost.
     while not mug:
-        hand.read('mug', 2107, MUG_M, corners[0])
+        hand.read('mug', 2107, HERE, SQUARE[0])
         observer.spin_until(lambda: bool(mug), 0.5)
     delays_s = (_LATE_S, 0.0, 0.0, 0.0, 0.0, 0.0)
     read_ns = [
-        hand.read('mug', 2107, MUG_M, at_m, late_s)
-        for at_m, late_s in zip(2 * corners[1:], delays_s, strict=True)
+        hand.read('mug', 2107, HERE, at_m, late_s)
+        for at_m, late_s in zip(2 * SQUARE[1:], delays_s, strict=True)
     ]
 
     def has_all() -> bool:
@@ -256,7 +253,7 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     observer.wait(has_all, 'a pose of all readings')
     last = mug[-1]
     assert last.header.frame_id == FIXED
-    assert all(squared(one, MUG_M) < MAX_MAHALANOBIS for one in mug)
+    assert all(squared(one, HERE) < MAX_MAHALANOBIS for one in mug)
     assert np.diag(covariance_of(last.pose))[3:].min() > 1  # one marker has no orientation
 
     def transforms() -> list[TransformStamped]:
@@ -279,16 +276,16 @@ def check_landmarks(observer: Observer, saved: Path) -> None:
     assert '1 landmarks' in answer.message
     assert str(saved) in answer.message
 
-    there_m = MUG_M + np.array([0.25, 0.1, 0.2])
+    there_m = HERE + np.array([0.25, 0.1, 0.2])
     mug.clear()
-    for at_m in corners[:3]:
+    for at_m in SQUARE[:3]:
         hand.read('mug', 2107, there_m, at_m)
     observer.wait(
         lambda: bool(mug) and squared(mug[-1], there_m) < MAX_MAHALANOBIS,
         'a new place',
     )
     for one in mug:
-        assert min(squared(one, MUG_M), squared(one, there_m)) < MAX_MAHALANOBIS
+        assert min(squared(one, HERE), squared(one, there_m)) < MAX_MAHALANOBIS
     assert observer.services.trigger('landmarks/forget').success
     poses = f'{observer.namespace}/landmarks/objects/mug'
     observer.wait(lambda: observer.node.count_publishers(poses) == 0, 'that no old pose is kept')

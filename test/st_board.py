@@ -1,24 +1,31 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""ST's `53L8A1_SimpleRanging` as far as a serial line tells: what it prints, and its keys.
+"""A serial line: ST's `53L8A1_SimpleRanging` that prints on it, and a source that reads it.
 
-Written from what the example does (X-CUBE-TOF1, `app_tof.c`, `vl53l8cx.c`), not from its reader.
+The board is written from what the example does (X-CUBE-TOF1, `app_tof.c`, `vl53l8cx.c`), not from
+its reader.
 """
 
 import os
 import pty
 import random
 import select
-import threading
+import time
 import tty
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
+from queue import Queue
+from threading import Event, Thread
 from typing import NamedTuple
 
 import numpy as np
+import serial
 
 from retrolidar_ros.sensor.frame import Frame
 from retrolidar_ros.sensor.model import Status
+from retrolidar_ros.sensor.serial_source import SerialSource
+from retrolidar_ros.sensor.wire import Reader
 
 DASHES = ' -----------------'
 BLANKS = '|                 '
@@ -125,14 +132,14 @@ class Board:
     @contextmanager
     def printing(self) -> Iterator[None]:
         """Print frames and heed keys, as the example does for ever, while the block lasts."""
-        stop = threading.Event()
+        stop = Event()
 
         def run() -> None:
             while not stop.wait(0.05):
                 self.print_frame()
                 self.heed_key(0)
 
-        thread = threading.Thread(target=run)
+        thread = Thread(target=run)
         thread.start()
         try:
             yield
@@ -161,3 +168,48 @@ def check_zones(frame: Frame, zones: Zones) -> None:
     distance_mm, *others = printed.reshape(side, side, 4)[:, ::-1].reshape(-1, 4).T
     np.testing.assert_array_equal(frame.distance, np.float32(distance_mm / 1000))
     np.testing.assert_array_equal([frame.status, frame.signal, frame.ambient], others)
+
+
+class Reading:
+    """A source that runs in a thread, and queues of what it reports and takes."""
+
+    def __init__(self, port: Path, baud: int, reader: Reader) -> None:
+        self.source = SerialSource(str(port), baud, reader)
+        self.reports: Queue[str] = Queue()
+        self.frames: Queue[tuple[Frame, int]] = Queue()
+        self.stop = Event()
+        self.errors: list[BaseException] = []
+        self.thread = Thread(target=self._run)
+        self.thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.source.run(self._take, self.reports.put, self.stop)
+        except BaseException as error:
+            self.errors.append(error)
+
+    def _take(self, frames: list[Frame], arrival_ns: int) -> None:
+        for frame in frames:
+            self.frames.put((frame, arrival_ns))
+
+    def report(self) -> str:
+        return self.reports.get(timeout=10)
+
+    def frame(self) -> Frame:
+        return self.frames.get(timeout=10)[0]
+
+    def sequences(self, count: int) -> list[int]:
+        return [self.frame().sequence for _ in range(count)]
+
+    def end(self) -> float:
+        """Stop the source; return how long that took [s]."""
+        begin_s = time.monotonic()
+        self.stop.set()
+        self.thread.join(10)
+        assert not self.thread.is_alive()
+        assert not self.errors
+        return time.monotonic() - begin_s
+
+
+def listen(port: Path) -> serial.Serial:
+    return serial.Serial(str(port), 115200, timeout=5, exclusive=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from harness_detector import ID, a_scene, repeating, simulate
+from harness_frames import ID, a_scene, repeating, simulate
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector import METHODS

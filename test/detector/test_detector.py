@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness_detector import (
+from harness_frames import (
     GRID,
     ID,
     OTHER_ID,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_detector import ID, a_scene, simulate
+from harness_frames import ID, a_scene, simulate
 
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.following import walls

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness_detector import GRID, ID, OTHER_ID, ZONE, a_scene, repeating, simulate
+from harness_frames import GRID, ID, OTHER_ID, ZONE, a_scene, repeating, simulate
 from numpy.typing import NDArray
 
 from evaluation.bench.following import two_in_a_zone

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from harness import Sensor
-from harness_nodes import System, running
+from harness_observer import System, running
 from harness_tasks import BASE_VIEW, SENSOR_VIEW, check_coffee, publish_base
 from std_msgs.msg import Bool, String
 

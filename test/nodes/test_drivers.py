@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, check_detections, check_frames, wait_for_readings
-from harness_nodes import COFFEE_IDS, System, running
-from harness_observer import values_of
+from harness_observer import COFFEE_IDS, System, running, values_of
 from lifecycle_msgs.msg import Transition
 from st_board import Board, Zone
 

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
 from harness import Sensor
-from harness_nodes import running
-from harness_observer import RELIABLE
+from harness_observer import RELIABLE, running
 from harness_tasks import BASE_VIEW, SENSOR_FRAME, publish_base
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage

@@ -14,8 +14,7 @@ from typing import Any, cast
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, Sensor, check_detections, check_frames, check_stamps
-from harness_nodes import COFFEE_IDS, FRAME_ID, System, in_this_process, running
-from harness_observer import values_of
+from harness_observer import COFFEE_IDS, FRAME_ID, System, in_this_process, running, values_of
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy

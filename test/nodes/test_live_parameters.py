@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor
-from harness_nodes import System, running
-from harness_observer import parameter_messages, values_of
+from harness_observer import System, parameter_messages, running, values_of
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
 from test_topics import MARKER_FILE, NAMES

@@ -15,14 +15,11 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from harness import Sensor, wait_for_readings
-from harness_nodes import COFFEE_IDS, System, running
-from harness_observer import LATCHED, RELIABLE, values_of
-from harness_readings import mapped
+from harness_observer import COFFEE_IDS, LATCHED, RELIABLE, System, running, values_of
+from harness_readings import HERE, SQUARE, mapped
 from harness_tasks import (
-    CORNERS,
     FIXED,
     HAND,
-    MUG_M,
     Hand,
     check_landmarks,
     detection_of,
@@ -175,18 +172,18 @@ def test_no_transform_is_sent_of_a_frame_with_another_parent(tmp_path: Path) -> 
         system.start('landmarks', child_frame='held_{name}')
         hand = Hand(system)
         mug = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/mug')
-        pose = to_pose(MUG_M, np.array([0.0, 0.0, 0.0, 1.0]))
+        pose = to_pose(HERE, np.array([0.0, 0.0, 0.0, 1.0]))
         taken = to_transform(to_header(time.time_ns(), HAND), 'held_mug', pose)
         publisher = system.node.create_publisher(TFMessage, '/tf_static', LATCHED)
         publisher.publish(TFMessage(transforms=[taken]))
         while not mug:
-            for corner in CORNERS:
-                hand.read('mug', 2107, MUG_M, np.append(corner, 0.0))
+            for at_m in SQUARE:
+                hand.read('mug', 2107, HERE, at_m)
         told = f'no transform from {FIXED} to held_mug is sent: its parent in TF is {HAND}'
         system.wait(lambda: told in system.log('landmarks'), 'a refusal')
         system.transforms.clear()
         mug.clear()
-        hand.read('mug', 2107, MUG_M, np.append(CORNERS[0], 0.0))
+        hand.read('mug', 2107, HERE, SQUARE[0])
         system.wait(lambda: bool(mug), 'a pose')
         assert not [one for one in system.transforms if one.child_frame_id == 'held_mug']
         assert system.log('landmarks').count(told) == 1
@@ -249,7 +246,7 @@ def test_impossible_detections_are_counted_and_change_nothing(hall: System) -> N
     names = {reason for *_, reason in IMPOSSIBLE}
     seen = {name: len(system.statuses[name]) for name in NODES.values()}
     for field, value, _ in IMPOSSIBLE:
-        message = detection_of('mug', 2107, MUG_M, time.time_ns())
+        message = detection_of('mug', 2107, HERE, time.time_ns())
         *owner, name = field.split('.')
         given = value() if callable(value) else value
         setattr(attrgetter('.'.join(owner))(message) if owner else message, name, given)
@@ -275,9 +272,9 @@ def test_impossible_detections_are_counted_and_change_nothing(hall: System) -> N
     assert not any(one.data for one in alive)
     # And what can be is read as before.
     hand = Hand(system)
-    for corner in CORNERS:
-        hand.read('mug', 2107, MUG_M, np.append(corner, 0.0))
-    system.wait(lambda: len(mug) > 0 and squared(mug[-1], MUG_M) < 16.27, 'the mug')
+    for at_m in SQUARE:
+        hand.read('mug', 2107, HERE, at_m)
+    system.wait(lambda: len(mug) > 0 and squared(mug[-1], HERE) < 16.27, 'the mug')
     system.wait(lambda: bool(ours) and any(one.data for one in alive), 'the others')
 
 
@@ -288,16 +285,16 @@ def test_a_second_marker_of_a_name_and_names_of_one_topic_are_refused(hall: Syst
     poses = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/a_b')
 
     def first() -> bool:
-        hand.read('a_b', 5, MUG_M, at_m)
+        hand.read('a_b', 5, HERE, at_m)
         return bool(poses)
 
     # Whoever comes first has the name.
     system.wait(first, 'the first of them')
 
     def both() -> bool:
-        hand.read('a_b', 5, MUG_M, at_m)
-        hand.read('a_b', 6, MUG_M, at_m)
-        hand.read('a.b', 7, MUG_M + 0.1, at_m)
+        hand.read('a_b', 5, HERE, at_m)
+        hand.read('a_b', 6, HERE, at_m)
+        hand.read('a.b', 7, HERE + 0.1, at_m)
         values = values_of(system.statuses[NODES['landmarks']][-1])
         return {
             'refused: two markers have one name, each needs its own',
@@ -306,7 +303,7 @@ def test_a_second_marker_of_a_name_and_names_of_one_topic_are_refused(hall: Syst
 
     system.wait(both, 'both refusals')
     assert poses
-    assert all(squared(one, MUG_M) < 16.27 for one in poses)
+    assert all(squared(one, HERE) < 16.27 for one in poses)
 
 
 def test_a_forgotten_name_leaves_its_topic_to_another(hall: System) -> None:
@@ -315,7 +312,7 @@ def test_a_forgotten_name_leaves_its_topic_to_another(hall: System) -> None:
     poses = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/c_d')
 
     def found(name: str, identity: int) -> bool:
-        hand.read(name, identity, MUG_M, at_m)
+        hand.read(name, identity, HERE, at_m)
         return bool(poses)
 
     system.wait(lambda: found('c_d', 8), 'the first of them')

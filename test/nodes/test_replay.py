@@ -19,8 +19,7 @@ pytest.importorskip('rosbags', reason='needs rosbags, which is a pip extra')
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Sensor, wait_for_nodes
-from harness_nodes import FRAME_ID, System, running
-from harness_observer import values_of
+from harness_observer import FRAME_ID, System, running, values_of
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header

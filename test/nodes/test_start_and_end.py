@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness_nodes import running
+from harness_observer import running
 from harness_readings import mapped
 
 from retrolidar_ros.cli.demo import executable

@@ -14,8 +14,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from harness import PATIENCE_S, Sensor
 from harness_frames import make_frames
-from harness_nodes import FRAME_ID, System, in_this_process, running
-from harness_observer import values_of
+from harness_observer import FRAME_ID, System, in_this_process, running, values_of
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 

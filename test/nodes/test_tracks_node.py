@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness import Sensor, silent_drone, wait_for_nodes
-from harness_nodes import COFFEE_IDS, FRAME_ID, System, running
-from harness_observer import RELIABLE
+from harness_observer import COFFEE_IDS, FRAME_ID, RELIABLE, System, running
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 

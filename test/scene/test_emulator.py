@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import serial
 from harness_frames import make_packets, sequences
-from harness_serial import listen
+from st_board import listen
 
 from retrolidar_ros.bag import read_frames as read_bag
 from retrolidar_ros.scene import Scene, Simulation

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import serial
-from harness_serial import Reading
+from st_board import Reading
 
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Surface

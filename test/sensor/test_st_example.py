@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness_serial import Reading
 from hypothesis import example, given
 from hypothesis import strategies as st
-from st_board import Board, Zone, check_zones, make_zones, text_of
+from st_board import Board, Reading, Zone, check_zones, make_zones, text_of
 
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
 from retrolidar_ros.sensor.serial_source import PROTOCOLS
