@@ -31,8 +31,6 @@ def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:
 @pytest.mark.parametrize('method', METHODS)
 def test_another_zone_grid_begins_anew(method: str) -> None:
     assert list(decoding(method=method).detect([])) == []
-    with pytest.raises(ValueError, match='only_registered: there is no marker_file'):
-        decoding(method=method, only_registered=True)
     several = [*frames(), *frames(rows=8), *frames()]
     read = [detection.id for detection in decoding(method=method).detect(several)]
     assert read.count(ID) == 3

@@ -214,13 +214,6 @@ def test_candidates_are_those_of_the_latest_update() -> None:
 
 
 @every_method
-def test_only_registered_ids_are_read(method: str) -> None:
-    others = [identity for identity in range(1, 200) if identity != ID]
-    assert run(lone(), create_detector(method, GRID, registered_ids=others)) == []
-    assert ids(run(lone(), create_detector(method, GRID, registered_ids=[*others, ID]))) == [ID]
-
-
-@every_method
 @pytest.mark.parametrize('gap', [1, 13, 14, 61, 62, 63, 76, 77, 200, 10_000])
 def test_a_gap_of_any_length_costs_the_packet_at_most(method: str, gap: int) -> None:
     frames = list(repeating(14.0))

@@ -155,16 +155,9 @@ def test_a_single_zone_without_noise_gives_its_middle() -> None:
 
 
 def ranged(
-    light: Floats,
-    signal: Floats,
-    distance: Floats,
-    valid: bool = True,
-    other: 'Floats | None' = None,
+    light: Floats, signal: Floats, distance: Floats, valid: bool = True
 ) -> tuple[float, float] | None:
-    """Return what the core makes of one zone: depth and standard deviation [m].
-
-    The light of another marker may be known.
-    """
+    """Return what the core makes of one zone: depth and standard deviation [m]."""
     rows, time_s = len(light), 0.021 * np.arange(len(light) + 1)
     held: dict[str, Any] = {
         'sensor': core_sensor(VL53L8CX, ZoneGrid()),
@@ -175,8 +168,6 @@ def ranged(
         'valid': array('uint8_t', np.full(rows, valid)),
         'signal': array('float', signal),
         'distance': array('float', distance),
-        'others': int(other is not None),
-        'other': array('double', np.zeros(rows) if other is None else other.copy()),
         'alone': array('double', np.zeros(rows)),
     }
     seen, found = ffi.new('struct rl_seen *', held), ffi.new('struct rl_ranged *')
@@ -210,23 +201,6 @@ def test_what_stands_behind_does_not_shift_the_range(wall_m: float, wall: float)
         depth_m, stddev_m = found
         assert stddev_m < 0.006
         scores.append((depth_m - 1.5) / stddev_m)
-    assert abs(np.mean(scores)) < 0.6
-    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
-
-
-@pytest.mark.parametrize('other_m', [1.3, 1.7])
-def test_a_marker_beside_another_has_its_own_range(other_m: float) -> None:
-    scores = []
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        light, other = rng.integers(0, 2, (2, 62)).astype(float)
-        signal = 40 * light + 120 * other + 5
-        distance = (40 * light * 1.5 + 120 * other * other_m + 5 * 1.8) / signal
-        distance += 0.49 / signal * rng.standard_normal(62)
-        found = ranged(light, signal, distance, other=other)
-        assert found is not None
-        assert found[1] < 0.03
-        scores.append((found[0] - 1.5) / found[1])
     assert abs(np.mean(scores)) < 0.6
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 

@@ -329,7 +329,7 @@ def test_no_pose_is_published_where_the_robot_is_not() -> None:
 
 def test_a_room_needs_three_markers() -> None:
     with pytest.raises(ValueError, match='localisation needs three'):
-        room_of(*known_room([(1, HERE)]), ERRORS)
+        room_of(*known_room([(1, HERE), (2, HERE + 1)]), ERRORS)
 
 
 def test_who_waits_longest_is_next_with_the_newest_of_its_readings() -> None:
