@@ -27,6 +27,8 @@ if worker := os.environ.get('PYTEST_XDIST_WORKER'):
 # end processes by it.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# So does nohup with SIGHUP, and what ignores it goes on ignoring it.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # Experiments are not installed. Last, so that the package that is built comes before its sources.
 sys.path.append(str(Path(__file__).resolve().parents[1]))

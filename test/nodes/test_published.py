@@ -310,15 +310,18 @@ def test_a_forgotten_name_leaves_its_topic_to_another(hall: System) -> None:
     system, at_m = hall, np.zeros(3)
     hand = Hand(system)
     poses = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/c_d')
+    later = system.collect(PoseWithCovarianceStamped, 'landmarks/objects/later')
 
-    def found(name: str, identity: int) -> bool:
+    def found(name: str, identity: int, of: list[Any]) -> bool:
         hand.read(name, identity, HERE, at_m)
-        return bool(poses)
+        return bool(of)
 
-    system.wait(lambda: found('c_d', 8), 'the first of them')
+    system.wait(lambda: found('c_d', 8, poses), 'the first of them')
+    # Readings come in their order, so none of it is on its way any more.
+    system.wait(lambda: found('later', 10, later), 'one that was read after it')
     answer = system.services.trigger('landmarks/forget')
     assert (answer.success, answer.message) == (True, 'all landmarks are forgotten; files stay')
     topic = f'{system.namespace}/landmarks/objects/c_d'
     system.wait(lambda: system.node.count_publishers(topic) == 0, 'that it is forgotten')
     poses.clear()
-    system.wait(lambda: found('c.d', 9), 'the other one')
+    system.wait(lambda: found('c.d', 9, poses), 'the other one')
