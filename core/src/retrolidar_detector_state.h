@@ -113,7 +113,7 @@ const struct rl_active_track *rl_pool_followed(const struct rl_pool *pool, uint1
 /* Whether a packet of any ID was read in some zones when one would begin. */
 bool rl_pool_has(const struct rl_pool *pool, uint64_t zones, const struct rl_packet_train *packet);
 
-/* Whether a packet begins where a lone one that some zones saw ends, or ends where one begins. */
+/* Whether a packet begins where one lone one that some zones saw ends, or ends where one begins. */
 bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
                      const struct rl_packet_train *packet);
 

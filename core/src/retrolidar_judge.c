@@ -143,7 +143,8 @@ static struct rl_verdict decide(struct rl_detector *detector, const struct rl_pe
 }
 
 /* Subtract a packet and those read before from a zone, and search the rest, if it varies by more
- * than noise. Return what is found.
+ * than noise: for any stretch, or else for a packet that is sent together with a lone one. Return
+ * what is found.
  */
 static struct rl_pending search_without(struct rl_detector *detector, const struct rl_verdict *one)
 {
@@ -158,13 +159,19 @@ static struct rl_pending search_without(struct rl_detector *detector, const stru
     add_beside(&interference, one);
     const double rest = rl_residual_subtract(detector, channel, &interference, from_s);
     if (rest > RL_ACTIVE) {
-        const struct rl_sought sought = {.packets = packets,
-                                         .from_s = to_s,
-                                         .to_s = to_s,
-                                         .since_s = -INFINITY,
-                                         .least = detector->min_nats,
-                                         .max_llr_deficit = 2.0 * detector->max_llr_deficit};
+        struct rl_sought sought = {.packets = packets,
+                                   .from_s = to_s,
+                                   .to_s = to_s,
+                                   .since_s = -INFINITY,
+                                   .least = detector->min_nats,
+                                   .max_llr_deficit = 2.0 * detector->max_llr_deficit};
         rl_search_channels(&detector->search, &sought, &channel, 1, &found.hits);
+        if (found.hits.count == 0 && !one->transmission.repeats) {
+            sought.packets = 0;
+            sought.from_s = one->end_s - bit_s / RL_PHASES;
+            sought.to_s = fmin(one->end_s + bit_s / RL_PHASES, to_s);
+            rl_search_channels(&detector->search, &sought, &channel, 1, &found.hits);
+        }
     }
     rl_residual_restore(detector, channel);
     return found;

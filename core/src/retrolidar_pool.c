@@ -127,15 +127,16 @@ bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
                      const struct rl_packet_train *packet)
 {
     const double near_s = JOINED_BITS * packet->transmission.bit_s;
+    int ended = 0, followed = 0;
     for (int i = 0; i < pool->count; i++) {
         const struct rl_packet_train *known = &pool->track[i].train;
-        if ((pool->track[i].zones & zones) != 0 && !known->transmission.repeats &&
-            (fabs(packet->begin_s - known->end_s) < near_s ||
-             fabs(known->begin_s - packet->end_s) < near_s)) {
-            return true;
+        if ((pool->track[i].zones & zones) != 0 && !known->transmission.repeats) {
+            ended += fabs(packet->begin_s - known->end_s) < near_s;
+            followed += fabs(known->begin_s - packet->end_s) < near_s;
         }
     }
-    return false;
+    /* Where two end together, two are expected to begin, and one alone looks like their sum. */
+    return ended == 1 || followed == 1;
 }
 
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, uint16_t id,

@@ -108,7 +108,10 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
 
 void rl_unwhiten(const struct rl_whitened *whitened, float *signal)
 {
-    const int walk = whitened->null_walk;
+    /* To follow the light of packets that are not known yet, a level would have to wander; but then
+     * the gains of the known ones are fitted to single steps, which are both's.
+     */
+    const int walk = whitened->null_walk < RL_WANDERS ? whitened->null_walk : RL_WANDERS - 1;
     double level = 0.0;
     if (whitened->samples == 0) {
         return;

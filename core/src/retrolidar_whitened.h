@@ -56,7 +56,9 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory 
 void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t *valid,
                const double *begin_s, const double *end_s, int rows, double period_s, double least);
 
-/* Subtract what interferers explain from the signal of the valid rows, by whitening it back. */
+/* Subtract what interferers explain from the signal of the valid rows, by whitening it back, with a
+ * level that hardly wanders.
+ */
 void rl_unwhiten(const struct rl_whitened *whitened, float *signal);
 
 /* Log likelihood of the samples for one q, with the sum of squares that a fit leaves.

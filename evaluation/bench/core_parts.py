@@ -46,9 +46,15 @@ PARTS = {
     'expected packets: no price of a start': Part(
         'decide', 'return judged->is_expected ? RL_COST_OF_CHANCE : 0.0', 'return 0.0'
     ),
+    'expected packets: not one after two': Part(
+        'pool', 'ended == 1 || followed == 1', 'ended + followed > 0'
+    ),
     'search of the residual': _call(
         'process_frame',
         '        search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);',
+    ),
+    'search of the residual: gains for a level that hardly wanders': Part(
+        'whitened', 'null_walk < RL_WANDERS ?', 'null_walk < RL_WALKS ?'
     ),
     'residual searched again once it is known': Part(
         'process_frame', 'again ? anew_s : from_s', 'from_s'
@@ -74,6 +80,9 @@ PARTS = {
         'judge',
         'fmin(verdict.margin, margin)',
         'fmin(verdict.margin, RL_MAX_MARGIN + 0.0 * margin)',
+    ),
+    'pairs of packets: sent together with a lone one': Part(
+        'judge', 'if (found.hits.count == 0 && !one', 'if (false && !one'
     ),
     'pairs of packets: whole ones only': Part(
         'pair', 'return may_be_incomplete(', 'return false && may_be_incomplete('

@@ -40,7 +40,8 @@ class RoomTracks(NamedTuple):
     """How markers are followed in a room."""
 
     markers: list[Followed]
-    false: int  # tracks, each in each frame
+    places: int  # of all tracks, one in each frame
+    false: int  # of these
 
 
 def follow_room(number: int, seed: int) -> RoomTracks:
@@ -52,9 +53,7 @@ def follow_room(number: int, seed: int) -> RoomTracks:
     detector = create_detector('joint', recording.grid, bit_period_s=room.bit_period_s)
     steps = list(watch(detector, recording, follow=True))
     sent, pitch = packets_of(simulation), recording.grid.pitch
-    false = sum(
-        not _is_true(one, room.markers, sent, pitch) for step in steps for one in step.tracks
-    )
+    true = [_is_true(one, room.markers, sent, pitch) for step in steps for one in step.tracks]
     markers = []
     for index, marker in enumerate(room.markers):
         own = [one for one in sent if one.marker == index]
@@ -66,7 +65,7 @@ def follow_room(number: int, seed: int) -> RoomTracks:
         off = [place_error(one.place, _true_m(marker, one)) for one in seen]
         off_zones = [_off_zones(one, marker, pitch) for one in seen]
         markers.append(Followed(marker.course.motion, company, len(tracks), off, off_zones))
-    return RoomTracks(markers, false)
+    return RoomTracks(markers, len(true), true.count(False))
 
 
 def _tracks_of(marker: RoomMarker, steps: Sequence[Step]) -> Iterator[Track | None]:

@@ -149,7 +149,8 @@ def _in_rooms(rooms: Sequence[RoomTracks]) -> dict[str, Any]:
                 'ellipsoid_holds': held([error.squared_distance for error in off]),
             }
         )
-    return {'rooms': len(rooms), 'cells': cells}
+    false = sum(room.false for room in rooms) / max(sum(room.places for room in rooms), 1)
+    return {'rooms': len(rooms), 'cells': cells, 'false': false}
 
 
 def _by_speed(figures: dict[str, Any], head: str, cell: Callable[[Any], str]) -> Table:
@@ -208,7 +209,7 @@ def ends_table(figures: dict[str, Any]) -> Table:
 
 
 def rooms_table(figures: dict[str, Any]) -> Table:
-    """Return how markers are followed in random rooms, by motion and company."""
+    """Return how markers are followed in random rooms, and the share of false tracks."""
     rows = [['followed / median error [mm] / in 95 % ellipsoid', *COMPANY]]
     for motion in MOTIONS:
         own = [one for one in figures['rooms']['cells'] if one['motion'] == motion]
@@ -218,7 +219,8 @@ def rooms_table(figures: dict[str, Any]) -> Table:
             for one in own
         ]
         rows.append([motion, *cells])
-    return rows
+    false = f'{figures["rooms"]["false"]:.1%} of all places'
+    return [*rows, ['false tracks', false, *[''] * (len(COMPANY) - 1)]]
 
 
 def points_at(figures: dict[str, Any], way: str) -> list[dict[str, Any]]:
