@@ -28,6 +28,7 @@ PROCESSORS = {
 }
 
 
+@pytest.mark.timeout(600)  # a minute on a fast machine that does nothing else
 def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) -> None:
     library = compile_core('sanitized.so', tmp_path_factory)
     sanitizer = printed('cc', '-print-file-name=libasan.so').strip()
