@@ -51,17 +51,6 @@ double rl_followed_lost(const struct rl_followed *followed)
     return fmin(followed->presence.unseen_bits / LOST_BITS, 1.0);
 }
 
-bool rl_followed_agrees(const struct rl_followed *followed, const struct rl_samples *samples,
-                        const struct rl_reading *reading)
-{
-    bool is_there = false;
-    for (int i = 0; i < reading->zones; i++) {
-        is_there = is_there || rl_zone_beside(reading->zone[i], followed->strongest,
-                                              samples->sensor.columns);
-    }
-    return is_there && rl_followed_lost(followed) < 1.0;
-}
-
 static void predict_light(struct rl_followed *followed, const struct rl_samples *samples, int row)
 {
     struct rl_transmission *transmission = &followed->transmission;

@@ -182,10 +182,6 @@ static inline int rl_followed_strongest(const struct rl_followed *followed,
 /* The chance that it is lost: it was not seen for long. */
 double rl_followed_lost(const struct rl_followed *followed);
 
-/* Whether a reading is of where a marker is followed, and it is not lost. */
-bool rl_followed_agrees(const struct rl_followed *followed, const struct rl_samples *samples,
-                        const struct rl_reading *reading);
-
 /* Begin with a packet that was read. */
 void rl_followed_start(struct rl_followed *followed, const struct rl_reading *reading);
 

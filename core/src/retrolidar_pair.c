@@ -66,7 +66,7 @@ static void make_lone(struct rl_verdict *verdict)
 static bool may_be_incomplete(struct rl_detector *detector, struct rl_verdict one,
                               struct rl_verdict other, double own)
 {
-    if (!one.transmission.repeats && !other.transmission.repeats) {
+    if (!one.transmission.repeats || !other.transmission.repeats) {
         return false;
     }
     make_lone(&one);
@@ -143,6 +143,10 @@ double rl_pair_margin(struct rl_detector *detector, const struct rl_verdict *one
         return RL_MAX_MARGIN;
     }
     struct rl_verdict first = *one, second = *other;
+    /* A pair and its rivals explain the same samples: those of the lone packet, if one is. */
+    const struct rl_verdict *lone = one->transmission.repeats ? other : one;
+    first.begin_s = second.begin_s = lone->begin_s;
+    first.end_s = second.end_s = lone->end_s;
     const double own = refine_pair(detector, &first, &second);
     return may_be_incomplete(detector, first, second, own)
                ? 0.0

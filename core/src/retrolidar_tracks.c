@@ -57,14 +57,14 @@ static int weakest(const struct rl_tracks *tracks)
     return least;
 }
 
-/* Begin with a reading, or anew if its marker is not followed to where it was read. */
+/* Begin with a reading; or anew, if its marker is followed but lost. */
 static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
 {
     double first_s = INFINITY;
     for (int i = 0; i < tracks->count; i++) {
         const struct rl_followed *before = &tracks->track[i];
         if (before->id == reading->verdict.id) {
-            if (rl_followed_agrees(before, tracks->scenery.samples, reading)) {
+            if (rl_followed_lost(before) < 1.0) {
                 return;
             }
             first_s = before->first_s;

@@ -87,6 +87,12 @@ PARTS = {
     'pairs of packets: whole ones only': Part(
         'pair', 'return may_be_incomplete(', 'return false && may_be_incomplete('
     ),
+    'pairs of packets: in the window of a lone one': Part(
+        'pair',
+        'first.begin_s = second.begin_s = lone->begin_s;\n'
+        '    first.end_s = second.end_s = lone->end_s;',
+        '(void)lone;',
+    ),
     'what has appeared, from fewer bits': _call(
         'process_frame', '        search_appeared(detector, to_s);'
     ),

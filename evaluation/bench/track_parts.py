@@ -52,11 +52,8 @@ TRACK_PARTS = {
     'zones: doubt after the packet': Part(
         'tracks_begin', '    rl_zone_doubt(followed->zone, samples->zones, reading);', '    ;'
     ),
-    'a reading elsewhere begins anew': Part(
-        'followed', 'return is_there && rl', 'return (true || is_there) && rl'
-    ),
     'a reading of one that is lost begins anew': Part(
-        'followed', 'rl_followed_lost(followed) < 1.0;', 'true;'
+        'tracks', 'if (rl_followed_lost(before) < 1.0) {', 'if (true) {'
     ),
     'the packet replayed': Part(
         'tracks_begin',

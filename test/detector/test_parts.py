@@ -60,6 +60,17 @@ def test_two_of_ever_other_ids_that_were_woken_together_are_read() -> None:
     assert wrong <= 4
 
 
+def test_two_that_repeat_and_were_woken_together_are_no_others() -> None:
+    """By rivals of the same sum that explain the same samples as the pair."""
+
+    def woken(rng: np.random.Generator) -> Room:
+        return room_families.pair(0.98, ('repeating', 'repeating'), rng, woken=True)
+
+    read, wrong = played(woken, 52, 4)
+    assert read >= 0.7
+    assert wrong == 0
+
+
 def test_a_fainter_marker_in_the_same_zone_has_a_range_of_its_own() -> None:
     """By the light of the other marker, which is fitted along."""
     off_m = []
