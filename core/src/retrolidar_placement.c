@@ -89,17 +89,20 @@ static double rise_with(const struct rl_seen *seen, const double *light)
 static void fit_amplitude(const struct rl_samples *samples, const struct rl_seen *seen, int zone,
                           struct amplitude *amplitude)
 {
-    const double energy = fmax(rl_orthogonalise(seen, seen->valid), 1e-9);
-    const double rise = rise_with(seen, seen->alone);
     double of_other[RL_MAX_OTHERS], count = 0.0, signal = 0.0;
-    for (int i = 0; i < seen->others; i++) {
-        of_other[i] = rise_with(seen, seen->other + i * seen->rows);
-    }
     for (int row = 0; row < seen->rows; row++) {
         count += seen->valid[row];
         signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
     }
     signal /= fmax(count, 1.0);
+    /* A hand that passes gives a zone without a target some samples: so few fit any gain. */
+    const bool is_known = count >= RL_WORD_DISTANCE;
+    const double light_energy = rl_orthogonalise(seen, seen->valid);
+    const double energy = is_known ? fmax(light_energy, 1e-9) : 1e-9;
+    const double rise = is_known ? rise_with(seen, seen->alone) : 0.0;
+    for (int i = 0; i < seen->others; i++) {
+        of_other[i] = is_known ? rise_with(seen, seen->other + i * seen->rows) : 0.0;
+    }
     double power = 0.0, alike = 0.0, before = 0.0;
     for (int row = 0; row < seen->rows; row++) {
         double left = (double)seen->signal[row] - signal - rise * seen->alone[row];

@@ -243,6 +243,9 @@ PARTS = {
     'bearing: noise that goes on': Part(
         'placement', '(1.0 + 2.0 * fmax(alike', '(1.0 + 0.0 * fmax(alike'
     ),
+    'bearing: few samples tell no gain': Part(
+        'placement', 'count >= RL_WORD_DISTANCE', 'count >= 0.0'
+    ),
     'bearing: neighbours': Part(
         'bearing', '1.0 / (variance[other] + doubt * doubt)', '(other == zone) / (doubt * doubt)'
     ),

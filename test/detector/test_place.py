@@ -1,5 +1,6 @@
 # Copyright 2026 retrolidar_ros contributors
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from retrolidar_ros.detector.likelihood_detector import core_sensor
 from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.scene.optics import zone_shares
 from retrolidar_ros.sensor.frame import Floats, ZoneGrid
-from retrolidar_ros.sensor.model import VL53L8CX
+from retrolidar_ros.sensor.model import VL53L8CX, Status
 from retrolidar_ros.sensor.rotation import matrix_of
 
 GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
@@ -347,3 +348,21 @@ def test_the_bearing_of_a_marker_that_crosses_is_that_unsure() -> None:
         off_m = placed.position_m[0] - placed.position_m[2] * border
         scores.append(off_m / np.sqrt(placed.covariance[0, 0]))
     assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.1
+
+
+@pytest.mark.parametrize('number', [7, 3287])
+def test_a_hand_that_passes_beside_a_marker_moves_it_nowhere(number: int) -> None:
+    """Two frames show a target in zones that have none; any gain fits so few samples."""
+    middle_s = np.arange(PERIOD_S / 2, 1.9 * PACKET_S, PERIOD_S)
+    mean = np.zeros((len(middle_s), GRIDS[0].zones))
+    mean[:, 5] = 30 + 2000 * light_at(middle_s, sent(number, 0.5))
+    plain = noisy(middle_s, mean, np.random.default_rng(1), 0.5)
+    last = round((0.5 + PACKET_S) / PERIOD_S)
+    for frame in range(last - 20, last):
+        signal = plain.signal.copy()
+        status = np.where(mean > 0, Status.VALID, Status.NO_TARGET).astype(plain.status.dtype)
+        signal[frame : frame + 2, [1, 4, 6, 9]] = [[300.0], [150.0]]
+        status[frame : frame + 2, [1, 4, 6, 9]] = Status.VALID
+        seen = replace(plain, signal=signal, status=status)
+        (detection,) = create_detector('joint', GRIDS[0]).update_all(seen)
+        assert detection.zones == (5,)
