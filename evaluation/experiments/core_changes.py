@@ -26,6 +26,7 @@ from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
 SIGMAS = 3.0  # of the change by chance; a larger one counts
+_SIGMA_OF_MEDIAN = 1.48  # of a normal distribution, over the median of its absolute values
 _CENTRED: dict[str, Any] = {'ha': 'center', 'va': 'center', 'fontsize': 9}
 _WORST = 10.0  # percent lost, or wrong IDs more, that are coloured most
 FAMILIES = {
@@ -136,8 +137,8 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
 
 
 def _rank(one: Row) -> tuple[bool, float]:
-    """Return what sorts what surely loses first, and of the rest what saves most time."""
-    return (not one.loses, -max(one.sigmas.values()) if one.loses else -one.time)
+    """Return what sorts what loses first, and most surely."""
+    return not one.loses, -max(one.sigmas.values())
 
 
 def _text(name: str, value: float) -> str:
@@ -164,12 +165,15 @@ def _draw_cells(axis: Any, rows: Sequence[Row]) -> None:
             axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **_CENTRED)
 
 
-def _draw_saved(axis: Any, rows: Sequence[Row], time_by_chance: float | None) -> None:
-    """Write what lines each change saves, and what time if known, in grey what it may not."""
+def _draw_saved(axis: Any, rows: Sequence[Row], *, timed: bool) -> None:
+    """Write what lines each change saves, and what time if known, in grey what it may not.
+
+    Most changes hardly change the time, so the median change is that of chance.
+    """
+    by_chance = SIGMAS * _SIGMA_OF_MEDIAN * float(np.median([abs(one.time) for one in rows]))
     for y, one in enumerate(rows):
         saved = [(-float(one.lines), not one.lines)]
-        if time_by_chance is not None:
-            saved.append((-one.time, abs(one.time) <= max(3.0, time_by_chance)))
+        saved += [(-one.time, abs(one.time) <= by_chance)] * timed
         for x, (number, grey) in enumerate(saved, len(one.lost)):
             text = f'{number:+.0f}'.replace('-', '\N{MINUS SIGN}') if round(number) else '·'
             axis.text(x, y, text, color='0.6' if grey else 'black', **_CENTRED)
@@ -215,8 +219,6 @@ class CoreChanges:
         if self.frame_times_us:
             for row in rows:
                 row['time'] = _time_less(self.frame_times_us, changes[row['off']], seed, rooms)
-            # The change of time between two runs of the same core.
-            figures['time_by_chance'] = abs(_time_less(self.frame_times_us, (), seed, rooms))
         return figures
 
     def missing_table(self, figures: dict[str, Any]) -> Table:
@@ -231,14 +233,14 @@ class CoreChanges:
         if self.of_parts:
             rows.sort(key=_rank)
         names = [*rows[0].lost]
-        heads = [_HEADS[name] for name in names]
+        heads, timed = [_HEADS[name] for name in names], self.frame_times_us is not None
         if self.of_parts:
-            heads += ['lines\nof code', *['time\n[%]'] * ('time_by_chance' in figures)]
+            heads += ['lines\nof code', *['time\n[%]'] * timed]
         figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(rows), self.message(rows))
         axis.grid(visible=False)
         _draw_cells(axis, rows)
         if self.of_parts:
-            _draw_saved(axis, rows, figures.get('time_by_chance'))
+            _draw_saved(axis, rows, timed=timed)
         count = sum(one.loses for one in rows)
         if self.of_parts and count:
             axis.axhline(count - 0.5, color='black', linewidth=1)
