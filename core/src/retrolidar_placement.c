@@ -95,10 +95,11 @@ static void fit_amplitude(const struct rl_samples *samples, const struct rl_seen
         signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
     }
     signal /= fmax(count, 1.0);
-    /* A hand that passes gives a zone without a target some samples: so few fit any gain. */
+    /* A hand that passes gives a zone without a target a few samples, which any gain fits. Fewer
+     * than the bits in which words differ tell none.
+     */
     const bool is_known = count >= RL_WORD_DISTANCE;
-    const double light_energy = rl_orthogonalise(seen, seen->valid);
-    const double energy = is_known ? fmax(light_energy, 1e-9) : 1e-9;
+    const double energy = fmax(is_known ? rl_orthogonalise(seen, seen->valid) : 0.0, 1e-9);
     const double rise = is_known ? rise_with(seen, seen->alone) : 0.0;
     for (int i = 0; i < seen->others; i++) {
         of_other[i] = is_known ? rise_with(seen, seen->other + i * seen->rows) : 0.0;
