@@ -76,26 +76,3 @@ double rl_word_flip_bits(struct rl_case *judged, double too_much)
     }
     return better;
 }
-
-double rl_word_packets(const struct rl_case *judged)
-{
-    struct rl_window *window = judged->window;
-    const struct rl_transmission *transmission = &judged->verdict.transmission;
-    const double enough = 2.0 * judged->thresholds->word;
-    const double bit_s = transmission->bit_s, packet_s = RL_PACKET_BITS * bit_s;
-    const double first = floor((window->begin_s[0] - transmission->start_s) / packet_s);
-    const double newest_s = window->begin_s[window->rows - 1];
-    const double last = floor((newest_s - transmission->start_s) / packet_s);
-    double better = 0.0;
-    for (int bit = 0; bit < RL_PACKET_BITS && better < enough; bit++) {
-        const uint32_t bits = transmission->bits ^ rl_packet_bit(bit);
-        for (double packet = first; packet <= last; packet++) {
-            const double at_s = transmission->start_s + packet * packet_s + bit * bit_s;
-            /* The crystal is slow, so the bit after it changes, too. */
-            const double other = rl_window_try_stretch(window, transmission, bits,
-                                                       at_s - bit_s / 2, at_s + 2.0 * bit_s);
-            better += fmax(other - judged->own - RL_COST_OF_GAIN, 0.0);
-        }
-    }
-    return better;
-}

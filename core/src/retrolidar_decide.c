@@ -9,8 +9,6 @@
 static const double MIN_LONGER = 0.9;
 /* A candidate with less than this share of the threshold is rejected at once. */
 static const double MIN_ALONE = 0.4;
-/* Additional evidence, as a share of what interferers explain: their residual may look like one. */
-static const double LEFT_OVER = 0.1;
 /* A refined clock may be off by this more than a searched one: half a phase over a packet. */
 static const double SKEW_SLACK = 0.5 / (RL_PHASES * RL_PACKET_BITS);
 
@@ -119,8 +117,7 @@ static bool is_evident(struct rl_case *judged)
            judged->thresholds->evidence - saved_start(judged) +
                cost_of_changes(verdict->transmission.bits) +
                (verdict->packets > 1 ? RL_COST_OF_GAIN : 0.0) +
-               (window->fit.walk >= RL_WANDERS ? judged->thresholds->wandering : 0.0) +
-               LEFT_OVER * window->strongest->whitened.explained;
+               (window->fit.walk >= RL_WANDERS ? judged->thresholds->wandering : 0.0);
 }
 
 /* Price of an unknown bit if the marker has just appeared, as it is judged with each bit again. */
@@ -206,9 +203,6 @@ static bool is_word(struct rl_case *judged)
     }
     max_word -= price_of_unknown_bits(judged);
     verdict->word = fmax(verdict->word, rl_word_sequence(judged, max_word));
-    if (verdict->packets > 1) {
-        verdict->word = fmax(verdict->word, rl_word_packets(judged));
-    }
     return verdict->word <= max_word;
 }
 
@@ -228,8 +222,7 @@ static double margin_of(struct rl_case *judged)
     return margin;
 }
 
-/* Judge a packet beside the interferers that the window chooses. */
-static struct rl_verdict decide(struct rl_case *judged)
+struct rl_verdict rl_decide(struct rl_case *judged)
 {
     struct rl_verdict *verdict = &judged->verdict;
     verdict->reason = open(judged);
@@ -257,23 +250,4 @@ static struct rl_verdict decide(struct rl_case *judged)
     verdict->word = fmax(verdict->word, other);
     verdict->reason = other > judged->thresholds->word ? RL_NOT_A_WORD : RL_READ;
     return *verdict;
-}
-
-struct rl_verdict rl_decide(struct rl_case *judged)
-{
-    struct rl_window *window = judged->window;
-    const struct rl_case given = *judged;
-    struct rl_verdict verdict = decide(judged);
-    /* Any other packet could take the shape of what interferers leave. */
-    if (verdict.reason == RL_EVIDENCE && given.is_expected && window->interference.count > 0 &&
-        verdict.evidence > MIN_ALONE * judged->thresholds->evidence) {
-        window->beside = &verdict.transmission;
-        *judged = given;
-        const struct rl_verdict again = decide(judged);
-        window->beside = NULL;
-        if (again.reason == RL_READ) {
-            verdict = again;
-        }
-    }
-    return verdict;
 }

@@ -99,9 +99,6 @@ double rl_word_flip_bits(struct rl_case *judged, double too_much);
 /* The same of the sequences of bits that the search has found. */
 double rl_word_sequence(const struct rl_case *judged, double too_much);
 
-/* The same for packets that repeat, if each has bits of its own. */
-double rl_word_packets(const struct rl_case *judged);
-
 /* How much likelier a packet is than one of any other ID: begun at any bit, cut by the window or
  * repeating, or found by the search with another start and clock.
  */

@@ -13,7 +13,6 @@ static void add_beside(struct rl_interference *interference, const struct rl_ver
         interference->count--;
     }
     interference->train[interference->count++] = rl_train_of(beside);
-    rl_interference_assign(interference);
 }
 
 /* The sum of zones that a packet may be seen in zone by zone: its channel if that is one, or of

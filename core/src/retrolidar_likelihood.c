@@ -96,9 +96,7 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light)
     }
     subtract(whitened->signal, (rl_const_column)column, samples, product);
     whitened->interferers++;
-    const double before = whitened->null;
     rl_find_null(whitened);
-    whitened->explained += whitened->null - before;
 }
 
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light,

@@ -66,8 +66,8 @@ static void lay_others(const struct rl_detector *detector, const struct rl_verdi
         const struct rl_active_track *track = &pool->track[i];
         if (track->id != verdict->id && (track->near >> zone & 1u) != 0 &&
             track->train.end_s > verdict->begin_s && track->train.begin_s < verdict->end_s) {
-            rl_train_light(&track->train, track->train.transmission.repeats, seen->begin_s,
-                           seen->end_s, seen->rows, seen->other + seen->others++ * seen->rows);
+            rl_train_light(&track->train, seen->begin_s, seen->end_s, seen->rows,
+                           seen->other + seen->others++ * seen->rows);
             if (!rl_last_other_is_seen(seen)) {
                 seen->others--;
             }

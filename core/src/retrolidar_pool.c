@@ -154,7 +154,6 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
             }
         }
     }
-    rl_interference_assign(interference);
 }
 
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)

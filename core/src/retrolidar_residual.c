@@ -53,7 +53,6 @@ double rl_residual_subtract(struct rl_detector *detector, int zone,
     detector->saved_row = first > oldest ? first : oldest;
     float *signal = save(detector, zone, &rows);
     window->interference = *interference;
-    window->beside = NULL;
     rl_window_open(window, zone, false, samples->begin_s[detector->saved_row],
                    samples->end_s[samples->count - 1]);
     memmove(signal, window->column.signal, (size_t)rows * sizeof *signal);

@@ -12,7 +12,7 @@ static const double LN_9 = 2.1972245773362196;
 static const double DARKENING_S = 0.0005, BRIGHTENING_S = 0.0035;
 /* Trains have the same phase if it differs by less [bits]. */
 static const double SAME_PHASE_BITS = 1.0;
-/* What was read ends with a packet if it ends by this share of one earlier or later. */
+/* What was read begins with a packet if it begins by this share of one earlier. */
 static const double WHOLE = 1.0 / RL_PACKET_BITS;
 
 struct packet {
@@ -114,24 +114,18 @@ void rl_template(const struct rl_transmission *transmission, const double *begin
     }
 }
 
-void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
+void rl_train_light(const struct rl_packet_train *train, const double *begin_s,
                     const double *end_s, int rows, double *light)
 {
     struct rl_transmission transmission = train->transmission;
-    transmission.repeats = transmission.repeats || continues;
     transmission.dark_before = transmission.dark_after = false; /* trains beside it tell that */
     rl_template(&transmission, begin_s, end_s, rows, light);
-    /* What was read may begin and end within packets; markers send whole ones. */
+    /* What was read may begin within a packet; markers send whole ones. */
     const double packet_s = RL_PACKET_BITS * transmission.bit_s;
     const double before = (train->begin_s - transmission.start_s) / packet_s;
-    const double after = (train->end_s - transmission.start_s) / packet_s;
     const double from_s = transmission.start_s + packet_s * floor(before + WHOLE);
-    const double until_s = transmission.start_s + packet_s * ceil(after - WHOLE);
-    for (int row = 0; row < rows; row++) {
-        const double middle_s = (begin_s[row] + end_s[row]) / 2;
-        if (transmission.repeats && (middle_s < from_s || (!continues && middle_s > until_s))) {
-            light[row] = 1.0;
-        }
+    for (int row = 0; transmission.repeats && row < rows && begin_s[row] < from_s; row++) {
+        light[row] = 1.0;
     }
 }
 
@@ -150,37 +144,4 @@ double rl_bits_later(const struct rl_transmission *before, const struct rl_trans
 bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now)
 {
     return fabs(rl_bits_later(&before->transmission, &now->transmission)) < SAME_PHASE_BITS;
-}
-
-static bool overlaps(const struct rl_packet_train *one, const struct rl_packet_train *other)
-{
-    const double overlap_s = fmin(one->end_s, other->end_s) - fmax(one->begin_s, other->begin_s);
-    return overlap_s >= SAME_PHASE_BITS * one->transmission.bit_s;
-}
-
-/* Whether two markers of the same phase were read during a train. */
-static bool is_ambiguous(const struct rl_interference *interference, int index)
-{
-    const struct rl_packet_train *train = interference->train;
-    for (int i = 0; i < interference->count; i++) {
-        if (i != index && rl_keeps_time(&train[i], &train[index]) &&
-            overlaps(&train[i], &train[index])) {
-            return true;
-        }
-    }
-    return false;
-}
-
-void rl_interference_assign(struct rl_interference *interference)
-{
-    const struct rl_packet_train *train = interference->train;
-    bool ambiguous[RL_MAX_TRAINS];
-    for (int i = 0; i < interference->count; i++) {
-        ambiguous[i] = is_ambiguous(interference, i);
-        int first = ambiguous[i] ? i : 0;
-        while (first < i && (ambiguous[first] || !rl_keeps_time(&train[first], &train[i]))) {
-            first++;
-        }
-        interference->marker[i] = first;
-    }
 }

@@ -32,10 +32,8 @@ struct rl_packet_train {
 void rl_template(const struct rl_transmission *transmission, const double *begin_s,
                  const double *end_s, int rows, double *light);
 
-/* The same of a train: of the packets that were read in part or in whole, or as if it continued;
- * bright elsewhere.
- */
-void rl_train_light(const struct rl_packet_train *train, bool continues, const double *begin_s,
+/* The same of a train: bright before what was read of it. One that repeats continues. */
+void rl_train_light(const struct rl_packet_train *train, const double *begin_s,
                     const double *end_s, int rows, double *light);
 
 enum { RL_MAX_TRAINS = 24 }; /* of a zone and those beside it, within a few packets */
@@ -44,7 +42,6 @@ enum { RL_MAX_TRAINS = 24 }; /* of a zone and those beside it, within a few pack
 struct rl_interference {
     int count;
     struct rl_packet_train train[RL_MAX_TRAINS];
-    int marker[RL_MAX_TRAINS]; /* of each train: the first train of the same marker */
 };
 
 /* When the last packet begins before a time, if a transmission is back to back with others. */
@@ -55,10 +52,5 @@ double rl_bits_later(const struct rl_transmission *before, const struct rl_trans
 
 /* Whether the packets of two trains begin at the same phase. */
 bool rl_keeps_time(const struct rl_packet_train *before, const struct rl_packet_train *now);
-
-/* Find the marker of each train. Trains of the same phase are taken to be of one marker, whatever
- * their IDs. If some overlap, that is of several markers, each of those is taken by itself.
- */
-void rl_interference_assign(struct rl_interference *interference);
 
 #endif

@@ -54,7 +54,6 @@ void rl_whiten(struct rl_whitened *whitened, const float *signal, const uint8_t 
     int samples = 0;
     whitened->least = least;
     whitened->interferers = 0;
-    whitened->explained = 0.0;
     memset(whitened->log_scales, 0, sizeof whitened->log_scales);
     for (int walk = 0; walk < RL_WALK_LANES; walk++) {
         variance[walk] = product[walk] = 1.0;

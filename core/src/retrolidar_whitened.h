@@ -42,7 +42,6 @@ struct rl_whitened {
     double least;                     /* least variance of noise that a fit may claim */
     double null;                      /* log likelihood without a packet, the best of all q */
     int null_walk;                    /* which q that is */
-    double explained;                 /* the part of it that interferers explain */
 };
 
 /* Take the arrays of a window of so many rows at the most. */

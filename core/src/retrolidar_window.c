@@ -59,7 +59,6 @@ void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, doubl
     for (int i = 1; window->by_zone && i < sum->zones; i++) {
         struct rl_window *other = &window->other[window->others++];
         other->interference = window->interference;
-        other->beside = window->beside;
         open_channel(other, sum->zone[i], false, from_s, to_s);
     }
 }
@@ -116,21 +115,6 @@ double rl_window_try_part(struct rl_window *window, const struct rl_transmission
     /* A marker that is not there looks as a dark one. */
     for (int row = 0; row < window->rows; row++) {
         window->part[row] = (row >= split) == later ? window->light[row] : 0.0;
-    }
-    return rl_window_fit(window, window->part);
-}
-
-double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
-                             uint32_t bits, double from_s, double to_s)
-{
-    struct rl_transmission other = *transmission;
-    other.bits = bits;
-    lay(window, transmission, window->part);
-    lay(window, &other, window->light);
-    for (int row = 0; row < window->rows; row++) {
-        if (window->begin_s[row] >= from_s && window->begin_s[row] < to_s) {
-            window->part[row] = window->light[row];
-        }
     }
     return rl_window_fit(window, window->part);
 }

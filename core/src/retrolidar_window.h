@@ -27,10 +27,6 @@ struct rl_window {
     double *part;                        /* of the light of an interferer */
     double *on_knot;                     /* light of a knot of its gain */
     bool gain_changes;                   /* whether gains may change */
-    /* A packet that interferers are chosen beside, or NULL: without it, what is not explained yet
-     * may hide them.
-     */
-    const struct rl_transmission *beside;
     struct rl_room room;
     const struct rl_window *strongest; /* in which the light explains most: that of the fit */
     bool by_zone; /* whether each zone of a sum has gain, interferers and noise of its own */
@@ -62,10 +58,6 @@ double rl_window_fit(struct rl_window *window, const double *light);
 /* The same if the marker appears in a row of the window (`later`), or vanishes there. */
 double rl_window_try_part(struct rl_window *window, const struct rl_transmission *transmission,
                           int split, bool later);
-
-/* The same if other bits are sent in a stretch of time. */
-double rl_window_try_stretch(struct rl_window *window, const struct rl_transmission *transmission,
-                             uint32_t bits, double from_s, double to_s);
 
 /* The same of two lone packets, one of which follows the other. */
 double rl_window_try_two(struct rl_window *window, const struct rl_transmission *one,

@@ -11,32 +11,11 @@ def _call(file: str, call: str) -> Part:
 
 PARTS = {
     'earlier packets fitted along': Part(
-        'interferers', 'interference->marker[i] == i &&', 'false &&'
+        'interferers', 'i < interference->count; i++', 'i < 0; i++'
     ),
-    'earlier packets: as they continue': Part(
-        'interferers',
-        'one->form == CONTINUES || one->continues;',
-        'false && one->continues;',
-    ),
-    'earlier packets: with most of their gain, if they continue': Part(
-        'interferers', 'is_other ||', 'false ||'
-    ),
-    'earlier packets: gains that change': Part('interferers', 'form < FORMS;', 'form < CHANGES;'),
+    'earlier packets: gains that change': Part('interferers', 'changes < 2;', 'changes < 1;'),
     'earlier packets: gains of either sign': Part('interferers', 'light, true)', 'light, false)'),
-    'earlier packets: evidence besides': Part('decide', 'LEFT_OVER = 0.1', 'LEFT_OVER = 0.0'),
-    'earlier packets: chosen beside the packet': Part(
-        'decide', 'if (verdict.reason == RL_EVIDENCE &&', 'if (false &&'
-    ),
-    'earlier packets: beside expected packets only': Part(
-        'decide', 'given.is_expected && window', 'window'
-    ),
-    'earlier packets: whole ones': Part(
-        'template', 'packet_s * ceil(after - WHOLE)', 'packet_s * after'
-    ),
-    'earlier packets: those of a marker as one': Part('template', 'ambiguous[i] ? i : 0;', 'i;'),
-    'earlier packets: overlapping ones apart': Part(
-        'template', '= is_ambiguous(interference, i);', '= false;'
-    ),
+    'earlier packets: whole ones': Part('template', 'floor(before + WHOLE)', 'before'),
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
     ),
@@ -172,9 +151,6 @@ PARTS = {
     ),
     'bits that touch a packet': Part(
         'observation', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
-    ),
-    'word test: bits of each of several packets': Part(
-        'decide', '    if (verdict->packets > 1) {', '    if (false) {'
     ),
     'other clocks': Part('decide', 'other > judged->thresholds->word ? ', 'false ? '),
     'a packet that repeats has repeated': Part(

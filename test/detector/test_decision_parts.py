@@ -35,8 +35,6 @@ class Marker(NamedTuple):
     id: int
     packets: int = 1
     gain: float = 60.0
-    beside: int | None = None
-    """Another ID that is sent in its zone, and known, 10 times as bright."""
     walk: float = 0.0
     """Steps of the wall's signal from frame to frame [kcps/SPAD]."""
 
@@ -48,16 +46,8 @@ def price(core: Statistics, marker: Marker, wandering: float = 0.0) -> float:
     rng = np.random.default_rng(60)
     wall = 100.0 + np.cumsum(marker.walk * rng.standard_normal(len(middle_s)))
     seen = light_at(middle_s, sending)
-    if marker.beside is not None:
-        other = sent(marker.beside, 0.3, repeats=True)
-        seen += 10 * light_at(middle_s, other)
     mean = wall[:, None] + marker.gain * np.outer(seen, ONE_ZONE)
     core.take(noisy(middle_s, mean, rng), LAW, BIT_PERIOD_S)
-    if marker.beside is not None:
-        known = core.window.interference
-        known.count = 1
-        known.train[0].transmission = core.given(other._replace(start_s=0.3 - PERIOD_S / 2))[0]
-        known.train[0].begin_s, known.train[0].end_s = 0.0, middle_s[-1]
     hits = [(marker.id, sending._replace(start_s=HIT_S))]
     to_s = HIT_S + marker.packets * PACKET_S + 0.02
 
@@ -100,13 +90,6 @@ def test_a_packet_needs_more_evidence_where_the_level_wanders(core: Statistics) 
         assert price(core, marker, 12.0) - price(core, marker) == pytest.approx(asked, abs=0.1)
 
 
-def test_a_packet_beside_a_bright_one_needs_a_share_of_what_that_explains(core: Statistics) -> None:
-    core.start_codebook()
-    beside = price(core, Marker(2073, beside=1234))
-    assert beside == pytest.approx(constant('LEFT_OVER') * core.window.whitened.explained, rel=0.01)
-    assert beside > 5.0
-
-
 @pytest.mark.parametrize('rate', [0.95, 1.05])
 def test_a_clock_is_never_refined_beyond_those_looked_for(core: Statistics, rate: float) -> None:
     core.start_codebook()
@@ -135,13 +118,9 @@ def judged(core: Statistics, seen: Floats, number: int, *, packets: int = 1) -> 
     return core.decide(0, packets, HIT_S + packets * PACKET_S + 0.02, [(number, hit)])
 
 
-def shown(
-    number: int, first_bit: int = 0, *, flipped: int | None = None, repeats: bool = False
-) -> Floats:
-    """Return the light of a packet that begins some bits after `START_S`, a bit of it turned."""
+def shown(number: int, first_bit: int = 0, *, repeats: bool = False) -> Floats:
+    """Return the light of a packet that begins some bits after `START_S`."""
     sending = sent(number, START_S + first_bit * BIT_PERIOD_S, repeats=repeats)
-    if flipped is not None:
-        sending.bits[flipped] = 1 - sending.bits[flipped]
     return light_at(MIDDLE_S, sending)
 
 
@@ -163,13 +142,6 @@ def test_a_packet_of_a_marker_that_leaves_is_a_word(core: Statistics) -> None:
     verdict = judged(core, shown(2073) * fading(), 2073)
     assert verdict.word < WORD_NATS
     assert verdict.margin > 0
-
-
-def test_packets_that_are_combined_are_of_the_same_bits(core: Statistics) -> None:
-    # IDs that differ in these bits share the mean of their packets.
-    first, second = (shown(2073, flipped=bit, repeats=True) for bit in (12, 20))
-    changed = np.where(MIDDLE_S < START_S + PACKET_S, first, second)
-    assert judged(core, changed, 2073, packets=2).word > 6 * WORD_NATS
 
 
 BESIDE = light_at(MIDDLE_S, sent(1234, 0.3, repeats=True))

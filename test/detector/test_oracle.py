@@ -223,27 +223,6 @@ def test_interferers_are_fitted_along(core: Statistics) -> None:
     assert evidence([zone], first) > 2 * evidence([alone], first)
 
 
-@pytest.mark.parametrize(
-    ('spans', 'markers'),
-    [
-        (((1.0, 2.0), (0.0, 1.0), (2.0, 3.0)), [0, 0, 0]),
-        # The last one begins with the first, but is another one's.
-        (((0.0, 1.0), (1.0, 2.0), (0.0, 1.0)), [0, 1, 2]),
-        # During the last one, two others were sent.
-        (((2.0, 3.0), (1.0, 2.0), (1.0, 3.0), (0.0, 1.0)), [0, 1, 2, 3]),
-    ],
-)
-def test_trains_of_a_phase_are_of_one_marker_if_they_do_not_overlap(
-    core: Statistics, spans: tuple[tuple[float, float], ...], markers: list[int]
-) -> None:
-    known = core.ffi.new('struct rl_interference *', {'count': len(spans)})
-    for train, span in zip(known.train, spans, strict=False):
-        train.transmission = core.given(sent(2073, 0.0, repeats=True))[0]
-        train.begin_s, train.end_s = (PACKET_S * edge for edge in span)
-    core.lib.rl_interference_assign(known)
-    assert list(known.marker)[: len(spans)] == markers
-
-
 NUMBERS = (2073, 1234, 3000, 77)
 
 
