@@ -15,7 +15,7 @@ PARTS = {
     ),
     'earlier packets: gains that change': Part('interferers', 'changes < 2;', 'changes < 1;'),
     'earlier packets: gains of either sign': Part('interferers', 'light, true)', 'light, false)'),
-    'earlier packets: whole ones': Part('template', 'floor(before + WHOLE)', 'before'),
+    'earlier packets: from their start on': Part('template', 'floor(before + WHOLE)', 'before'),
     'the next packet without a search': _call(
         'process_frame', '    judge_next(detector, from_s, to_s);'
     ),
