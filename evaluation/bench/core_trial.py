@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the imported core reads, scene by scene, and its processor time for a frame."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
@@ -83,10 +84,14 @@ def _faint(lone: bool, rng: np.random.Generator) -> list[Outcome]:
 def measure(seed: int, times: float) -> dict[str, Any]:
     """Return outcomes by family, `times` the usual number of scenes, and lines of the core."""
 
-    def rngs(family: int, count: int) -> Iterator[np.random.Generator]:
-        """Yield a generator for each scene of a family, the same for every core."""
-        for number in range(max(1, round(count * times))):
-            yield np.random.default_rng([seed, family, number])
+    def rngs(first: int, count: int, member: int = 0) -> Iterator[np.random.Generator]:
+        """Yield a generator for each scene of a member of a family, the same for every core.
+
+        Where there is less than one scene for a member, some members have none.
+        """
+        share = count * times
+        for number in range(math.ceil((member + 1) * share) - math.ceil(member * share)):
+            yield np.random.default_rng([seed, first + member, number])
 
     def rooms(
         first: int, count: int, makes: Sequence[Callable[[np.random.Generator], Room]]
@@ -94,19 +99,19 @@ def measure(seed: int, times: float) -> dict[str, Any]:
         return [
             play_room(0, make(rng), rng, false_ids_per_hour=LAX_BUDGET_OF_ROOMS)
             for index, make in enumerate(makes)
-            for rng in rngs(first + index, count)
+            for rng in rngs(first, count, index)
         ]
 
     silent = []
     for index, member in enumerate(one for one in FAMILY if one.name in _DISTURBANCES):
         budget: dict[str, Any] = {} if member.blinks else {'false_ids_per_hour': LAX_BUDGET}
-        for rng in rngs(60 + index, _STRETCHES):
+        for rng in rngs(60, _STRETCHES, index):
             detector = create_detector('joint', ZoneGrid(), **budget)
             (block,) = member.blocks(_STRETCH_S, rng)
             silent.append(Outcome(0, 0, len(detector.update_all(block))))
     played = [
         play(number, seed, false_ids_per_hour=LAX_BUDGET_OF_ROOMS)
-        for number in range(max(1, round(_ROOMS * times)))
+        for number in range(math.ceil(_ROOMS * times))
     ]
     kinds = product(_SENDINGS, _RATIOS)
     pairs = rooms(
@@ -126,12 +131,12 @@ def measure(seed: int, times: float) -> dict[str, Any]:
         'appearing': [
             _appearing(*kind, rng)
             for index, kind in enumerate(product(_REGISTERED, _SIGNALS))
-            for rng in rngs(40 + index, _APPEARING)
+            for rng in rngs(40, _APPEARING, index)
         ],
         'faint': [
             outcome
-            for lone, family in ((True, 2), (False, 3))
-            for rng in rngs(family, _FAINT)
+            for index, lone in enumerate((True, False))
+            for rng in rngs(2, _FAINT, index)
             for outcome in _faint(lone, rng)
         ],
         **{name: [room[name] for room in places] for name in places[0]},

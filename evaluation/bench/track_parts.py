@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of the core that follow markers, and what following loses without each in random rooms."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -123,7 +124,7 @@ def track_changes() -> dict[str, list[Part]]:
 
 def measure(seed: int, times: float) -> dict[str, Any]:
     """Return outcomes by room, `times` the usual number of rooms, and lines of the core."""
-    rooms = [follow_room(number, seed) for number in range(round(_ROOMS * times))]
+    rooms = [follow_room(number, seed) for number in range(math.ceil(_ROOMS * times))]
     off = [[at for marker in one.markers for at in marker.off] for one in rooms]
     off_zones = [[at for marker in one.markers for at in marker.off_zones] for one in rooms]
     frames = [sum(marker.frames for marker in one.markers) for one in rooms]

@@ -18,7 +18,7 @@ from harness_firmware import need, printed, run
 from retrolidar_ros import core
 
 STRICT = ['-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Werror']
-RUNS = ((0, 7, 200), (1140, 1, 1200))
+RUNS = ((10, 7, 200), (1140, 1, 1200))
 """First detector, how many, and frames of each; the last reads one as long as what is held."""
 LISTED = re.compile(r'\d+: \d+ zones, \d+ IDs: (\d+) candidates, (\d+) read')
 # The processor of this machine is what the programs of these tests are compiled for.
@@ -28,7 +28,7 @@ PROCESSORS = {
 }
 
 
-@pytest.mark.timeout(600)  # a minute on a fast machine that does nothing else
+@pytest.mark.timeout(600)  # half a minute on a fast machine that does nothing else
 def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) -> None:
     library = compile_core('sanitized.so', tmp_path_factory)
     sanitizer = printed('cc', '-print-file-name=libasan.so').strip()
@@ -42,8 +42,8 @@ def test_frames_of_garbage_do_no_harm(tmp_path_factory: pytest.TempPathFactory) 
         candidates += sum(int(judged) for judged, _ in listed)
         read += sum(int(known) for _, known in listed)
     # Else it would have seen little of the core.
-    assert candidates > 300
-    assert read > 5
+    assert candidates > 500
+    assert read > 20
 
 
 def test_memory_is_taken_at_creation_only_and_no_state_is_kept(

@@ -141,11 +141,12 @@ def test_a_quick_look_does_not_overwrite_the_report(
 def test_several_experiments_at_once_are_the_same_as_one_by_one(tmp_path: Path) -> None:
     together, alone = tmp_path / 'together', tmp_path / 'alone'
     alone.mkdir()
-    command = [sys.executable, '-m', 'evaluation', 'chain', 'ids', '--quick', '-o', str(together)]
+    options = ['chain', 'marker', '--quick', '-o', str(together)]
+    command = [sys.executable, '-m', 'evaluation', *options]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60, cwd=ROOT)
     assert done.stdout.count('chain: One packet') == 1
-    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'ids.json']
-    for name in ('chain', 'ids'):
+    assert sorted(path.name for path in together.glob('*.json')) == ['chain.json', 'marker.json']
+    for name in ('chain', 'marker'):
         run_experiment(name, alone, quick=True, seed=1)
         one, other = (json.loads((at / f'{name}.json').read_text()) for at in (together, alone))
         del one['run'], other['run']
@@ -162,6 +163,7 @@ TINY: dict[str, dict[str, Any]] = {
     'experiments.bound': {'RANGES_M': (2.5, 3.8), '_GENIE_RECORDINGS': 1},
     'experiments.coffee': {'_QUICK_TRIALS': 1},
     'experiments.drone': {'QUICK_DURATION_S': 11.0},
+    'experiments.ids': {'_DISTANCES': (12, 6)},
     'experiments.landmarks': {'_SIDES_M': (0.2, 0.4)},
     'experiments.moving': {'DURATION_S': 4.0},
     'experiments.peers': {
@@ -183,7 +185,7 @@ TINY: dict[str, dict[str, Any]] = {
         '_WARM_UP_S': 2.0,
     },
     'experiments.stability': {'PANELS': PANELS[:1], 'CONDITIONS': [(2.0, False)]},
-    'experiments.tracks': {'DURATION_S': 5.0, '_PICTURES': 2, '_SPEEDS_M_S': (0.0, 0.3)},
+    'experiments.tracks': {'DURATION_S': 5.0, '_QUICK_ROOMS': 2, '_SPEEDS_M_S': (0.0, 0.3)},
     'experiments.time_to_id': {'_RANGES_M': (1.0, 3.6)},
     'peers.camera': {'_LEAVES': 200},
     'peers.visual_markers': {'QUICK_PICTURES': 2},
