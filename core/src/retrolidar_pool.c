@@ -47,12 +47,13 @@ static bool continues(const struct rl_packet_train *before, const struct rl_pack
     return gap_s < MAX_MISSED * packet_s && rl_keeps_time(before, now);
 }
 
-/* Add packets that were read, to the active track that they continue, if any. */
+/* Add packets that were read until a time, to the active track that they continue, if any. */
 static const struct rl_active_track *add(struct rl_pool *pool, const struct rl_samples *samples,
-                                         const struct rl_reading *reading)
+                                         const struct rl_reading *reading, double until_s)
 {
     const struct rl_verdict *verdict = &reading->verdict;
-    const struct rl_packet_train train = rl_train_of(verdict);
+    struct rl_packet_train train = rl_train_of(verdict);
+    train.end_s = until_s;
     struct rl_active_track *track = NULL;
     struct rl_packet_train whole = train;
     for (int i = 0; i < pool->count; i++) {
@@ -198,12 +199,15 @@ static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdi
     return seen;
 }
 
-/* The start of the packet of which the window holds most; it may be before the window. */
+/* The start of the first packet; of one that repeats, of that which the window first holds most
+ * of. It may be before the window.
+ */
 static double start_of(const struct rl_verdict *verdict)
 {
     const struct rl_transmission *transmission = &verdict->transmission;
-    const double quarter_s = 0.25 * RL_PACKET_BITS * transmission->bit_s;
-    return transmission->repeats ? rl_last_start(transmission, verdict->begin_s + quarter_s)
+    const double first_s =
+        fmin(RL_PACKET_BITS * transmission->bit_s, verdict->end_s - verdict->begin_s);
+    return transmission->repeats ? rl_last_start(transmission, verdict->begin_s + 0.5 * first_s)
                                  : transmission->start_s;
 }
 
@@ -221,8 +225,11 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     /* A packet of many frames may have begun before what is held. */
     reading->verdict.begin_s =
         fmax(verdict->begin_s, samples->begin_s[rl_samples_oldest(samples)]);
-    const struct rl_active_track *track = add(&detector->pool, samples, reading);
-    transmission->start_s = start_of(verdict);
+    /* Until then its samples are consumed, so that readings keep time with the packets. */
+    const double start_s = start_of(verdict);
+    const double until_s = start_s + verdict->packets * RL_PACKET_BITS * transmission->bit_s;
+    const struct rl_active_track *track = add(&detector->pool, samples, reading, until_s);
+    transmission->start_s = start_s;
     transmission->dark_before = transmission->dark_after = false;
     /* Its light hid packets in the zones beside, too. */
     detector->read_anew |= track->near;
@@ -230,7 +237,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     for (int channel = 0; channel < samples->channels; channel++) {
         if ((samples->channel[channel].mask & track->zones) != 0) {
             detector->consumed_until_s[channel] =
-                fmax(detector->consumed_until_s[channel], verdict->end_s);
+                fmax(detector->consumed_until_s[channel], until_s);
         }
     }
 }

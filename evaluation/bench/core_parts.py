@@ -153,6 +153,11 @@ PARTS = {
         'observation', '!transmission->repeats && find_neighbours(', 'false && find_neighbours('
     ),
     'other clocks': Part('decide', 'other > judged->thresholds->word ? ', 'false ? '),
+    'readings keep time with packets': Part(
+        'pool',
+        'until_s = start_s + verdict->packets * RL_PACKET_BITS * transmission->bit_s;',
+        'until_s = verdict->end_s;',
+    ),
     'a packet that repeats has repeated': Part(
         'decide', '!has_repeated(', 'false && !has_repeated('
     ),

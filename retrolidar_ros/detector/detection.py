@@ -67,7 +67,7 @@ class Detection:
 
     id: int
     stamp_ns: int  # when the place holds: the mean time of the samples used for it [ns]
-    start_ns: int  # when the (first) packet began [ns]: up to 8 bits after the first frame
+    start_ns: int  # when the (first) packet, most of which was used, began [ns]
     end_ns: int  # time of the last frame used [ns]
     place: Place
     snr_db: float  # 20 log10 of amplitude over a sample's deviation from the fitted packet [dB]

@@ -107,9 +107,9 @@ def test_the_page_has_all_ids_with_another_packet_in_the_midst_of_two() -> None:
 
 
 def test_a_marker_that_crosses_the_view_is_read_as_no_other() -> None:
-    """By an interferer's gain that changes, and the word test."""
+    """By an interferer's gain that changes, and the word test; all, as readings keep time."""
     read, wrong = played(lambda rng: room_families.crossing(0.3, 40.0, rng), 8, 6)
-    assert read >= 0.95
+    assert read >= 0.99
     assert wrong == 0
 
 
@@ -169,7 +169,7 @@ def test_no_id_of_a_random_room_is_wrong(seed: int, number: int) -> None:
         (10777, 77, 26),
         (10958, 107, 32),
         (10979, 253, 14),
-        (10992, 574, 16),
+        (11101, 30, 35),
     ],
     ids=[
         'sums of residuals',
