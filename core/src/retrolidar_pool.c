@@ -225,9 +225,14 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     /* A packet of many frames may have begun before what is held. */
     reading->verdict.begin_s =
         fmax(verdict->begin_s, samples->begin_s[rl_samples_oldest(samples)]);
-    /* Until then its samples are consumed, so that readings keep time with the packets. */
-    const double start_s = start_of(verdict);
-    const double until_s = start_s + verdict->packets * RL_PACKET_BITS * transmission->bit_s;
+    /* Whole packets are consumed, so that readings keep time with them; but not many bits that are
+     * yet to come.
+     */
+    const double start_s = start_of(verdict), bit_s = transmission->bit_s;
+    const double packets_end_s = start_s + verdict->packets * RL_PACKET_BITS * bit_s;
+    const double until_s = packets_end_s < verdict->end_s + RL_LOOK_BITS * bit_s
+                               ? packets_end_s
+                               : verdict->end_s;
     const struct rl_active_track *track = add(&detector->pool, samples, reading, until_s);
     transmission->start_s = start_s;
     transmission->dark_before = transmission->dark_after = false;

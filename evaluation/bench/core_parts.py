@@ -154,9 +154,7 @@ PARTS = {
     ),
     'other clocks': Part('decide', 'other > judged->thresholds->word ? ', 'false ? '),
     'readings keep time with packets': Part(
-        'pool',
-        'until_s = start_s + verdict->packets * RL_PACKET_BITS * transmission->bit_s;',
-        'until_s = verdict->end_s;',
+        'pool', 'until_s = packets_end_s < verdict->end_s +', 'until_s = 1.0 < 0.0 *'
     ),
     'a packet that repeats has repeated': Part(
         'decide', '!has_repeated(', 'false && !has_repeated('
