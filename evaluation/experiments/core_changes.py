@@ -231,7 +231,8 @@ class CoreChanges:
     def draw(self, figures: dict[str, Any]) -> Any:
         """Draw a map of what each change makes worse, and what time and lines it saves."""
         # Of figures that are older than the core, without what it does not have any longer.
-        rows = [one for one in _rows(figures) if one.name in self.changes()]
+        present = self.changes()
+        rows = [one for one in _rows(figures) if one.name in present]
         if self.of_parts:
             rows.sort(key=_rank)
         names = [*rows[0].lost]
