@@ -37,11 +37,12 @@ def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> No
     first_m, second_m = (np.array(SCENE.sensor.path[index].position_m) for index in (0, 2))
     with running(tmp_path, '/arm_alone') as system:
         system.start('driver', serial_port=system.port)
+        # What hears it is there before it, so that its first message is not missed.
+        sent = system.collect(TFMessage, '/tf', RELIABLE)
+        description = system.collect(String, 'robot_description')
         # The scene has begun 5.5 s ago, so the hand moves on in half a second.
         start_s = time.monotonic() - 5.5
         system.start('emulated_arm', scene='arm', start=start_s, fixed_frame='stand')
-        sent = system.collect(TFMessage, '/tf', RELIABLE)
-        description = system.collect(String, 'robot_description')
 
         def is_there() -> bool:
             found = transforms_of(sent)
@@ -75,9 +76,9 @@ def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> No
 def test_an_arm_that_is_there_already_is_used(tmp_path: Path) -> None:
     with running(tmp_path, '/arm_other') as system:
         publish_base(system)
+        sent = system.collect(TFMessage, '/tf', RELIABLE)
         system.start('driver', serial_port=system.port)
         system.start('emulated_arm', scene='arm', fixed_frame=BASE_VIEW.frame)
-        sent = system.collect(TFMessage, '/tf', RELIABLE)
         with Sensor(SCENE, system.port):
             told = f'{SENSOR_FRAME} has another parent in TF: that arm is used'
             system.wait(lambda: told in system.log('emulated_arm'), told)

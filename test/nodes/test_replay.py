@@ -211,5 +211,7 @@ def test_the_command_replays_at_times_of_the_bag(live: Listener, bag: Path, tmp_
         assert heard[again : again + len(frames)] == frames
         took_s = (system.frames[again + len(frames) - 1][1] - system.frames[again][1]) * 1e-9
         stamps_ns = [to_ns(one.header.stamp) for one in frames]
-        assert took_s == pytest.approx((stamps_ns[-1] - stamps_ns[0]) * 1e-9 / 3, rel=0.2)
+        recorded_s = (stamps_ns[-1] - stamps_ns[0]) * 1e-9
+        # A loaded machine is late, but never as late as the bag's own time.
+        assert recorded_s / 4 < took_s < recorded_s / 1.5
         assert ids() == {2073, 2096, 2107}
