@@ -168,6 +168,6 @@ bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double a
         seen->alone[row] /= gain;
     }
     found->depth_m = about_m;
-    found->variance = squares / fmax(count - 2, 1) / energy / (gain * gain);
+    found->variance = squares / fmax(count - 4, 1) / energy / (gain * gain);
     return true;
 }

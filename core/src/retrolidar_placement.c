@@ -2,19 +2,13 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* When and where the marker of a reading is, from what all zones saw of it. */
+#include "retrolidar_amplitude.h"
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
 
 /* Any packet explains this share of another one's light, as all begin with the preamble. */
 static const double ALIKE = (double)RL_PREAMBLE_BITS / RL_PACKET_BITS;
-
-/* Fit of the light to the signal of each zone: gain, its variance, and the residual variance. */
-struct amplitude {
-    double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
-    double unknown[RL_MAX_ZONES]; /* light that is not known, in the unit of the gain */
-    double score[RL_MAX_ZONES]; /* correlation of the signal with the light */
-};
 
 /* The times of the samples of a reading, and the light of its packet at each. */
 static struct rl_seen window_of(struct rl_detector *detector, const struct rl_verdict *verdict,
@@ -75,59 +69,6 @@ static void lay_others(const struct rl_detector *detector, const struct rl_verdi
     }
 }
 
-/* Slope of the signal over light whose mean is 0. */
-static double rise_with(const struct rl_seen *seen, const double *light)
-{
-    double cross = 0.0, energy = 1e-9;
-    for (int row = 0; row < seen->rows; row++) {
-        cross += light[row] * (double)seen->signal[row];
-        energy += light[row] * light[row];
-    }
-    return cross / energy;
-}
-
-static void fit_amplitude(const struct rl_samples *samples, const struct rl_seen *seen, int zone,
-                          struct amplitude *amplitude)
-{
-    double of_other[RL_MAX_OTHERS], count = 0.0, signal = 0.0;
-    for (int row = 0; row < seen->rows; row++) {
-        count += seen->valid[row];
-        signal += seen->valid[row] ? (double)seen->signal[row] : 0.0;
-    }
-    signal /= fmax(count, 1.0);
-    /* A hand that passes gives a zone without a target a few samples, which any gain fits. Fewer
-     * than the bits in which words differ tell none.
-     */
-    const bool is_known = count >= RL_WORD_DISTANCE;
-    const double energy = fmax(is_known ? rl_orthogonalise(seen, seen->valid) : 0.0, 1e-9);
-    const double rise = is_known ? rise_with(seen, seen->alone) : 0.0;
-    for (int i = 0; i < seen->others; i++) {
-        of_other[i] = is_known ? rise_with(seen, seen->other + i * seen->rows) : 0.0;
-    }
-    double power = 0.0, alike = 0.0, before = 0.0;
-    for (int row = 0; row < seen->rows; row++) {
-        double left = (double)seen->signal[row] - signal - rise * seen->alone[row];
-        for (int i = 0; i < seen->others; i++) {
-            left -= of_other[i] * seen->other[i * seen->rows + row];
-        }
-        left = seen->valid[row] ? left : 0.0;
-        power += left * left;
-        alike += left * before;
-        before = left;
-    }
-    /* The residual may be another marker, whose samples are correlated. The noise is at least that
-     * of the sensor's quantisation.
-     */
-    const double step = seen->sensor->signal_step;
-    const double noise = fmax(power / fmax(count - 2.0, 1.0), step * step / 12.0);
-    amplitude->of[zone] = rise;
-    amplitude->noise[zone] = noise;
-    const double excess = fmax(noise - rl_noise_variance(samples, zone, signal), 0.0);
-    amplitude->unknown[zone] = sqrt(excess * count / energy);
-    amplitude->score[zone] = fmax(rise, 0.0) / sqrt(rise * rise + power / energy + 1e-30);
-    amplitude->variance[zone] = noise * (1.0 + 2.0 * fmax(alike / fmax(power, 1e-9), 0.0)) / energy;
-}
-
 /* Whether a zone is one of a reading, or next to its strongest. */
 static bool is_near(const struct rl_samples *samples, const struct rl_reading *reading, int zone)
 {
@@ -139,18 +80,23 @@ static bool is_near(const struct rl_samples *samples, const struct rl_reading *r
     return rl_zone_beside(zone, reading->zone[0], samples->sensor.columns);
 }
 
-/* List the zones that surely saw the packet, sorted by their gain: it is more than three deviations
- * and what may be of another marker that is not known yet. Return whether there is any.
+/* The gain of a zone beyond three deviations, and what may be of another marker that is not known.
  */
-static bool choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
-                         const struct amplitude *amplitude, struct rl_placement *placement)
+static double certain_gain(const struct rl_amplitude *amplitude, int zone, double variance)
 {
-    double certain[RL_MAX_ZONES], most = 0.0;
+    return amplitude->of[zone] - RL_MIN_SEEN * sqrt(variance) - ALIKE * amplitude->unknown[zone];
+}
+
+/* List the zones that surely saw the packet, sorted by their gain. */
+static void choose_zones(const struct rl_samples *samples, const struct rl_reading *reading,
+                         const struct rl_amplitude *amplitude, struct rl_placement *placement)
+{
+    double certain[RL_MAX_ZONES] = {0.0}, most = 0.0;
     for (int zone = 0; zone < samples->zones; zone++) {
-        const double doubt = RL_MIN_SEEN * sqrt(amplitude->variance[zone]) +
-                             ALIKE * amplitude->unknown[zone];
-        certain[zone] = is_near(samples, reading, zone) ? amplitude->of[zone] - doubt : 0.0;
-        most = fmax(most, certain[zone]);
+        if (is_near(samples, reading, zone)) {
+            certain[zone] = certain_gain(amplitude, zone, amplitude->variance[zone]);
+            most = fmax(most, certain[zone]);
+        }
     }
     placement->zones = 0;
     for (int zone = 0; zone < samples->zones; zone++) {
@@ -160,7 +106,6 @@ static bool choose_zones(const struct rl_samples *samples, const struct rl_readi
                         amplitude->of);
         }
     }
-    return most > 0.0;
 }
 
 /* Variance of all distances that a zone measured. */
@@ -178,43 +123,62 @@ static double spread_of(const struct rl_seen *seen)
     return fmax(squares - sum * sum / count, 0.0) / count;
 }
 
-/* The mean of the ranges of the zones, weighted by one over the variance. */
-static bool find_range(struct rl_detector *detector, const struct rl_reading *reading,
-                       struct rl_seen *seen, int first, bool is_certain,
-                       struct rl_placement *placement)
+/* Find the range in each of the zones that has one; return how many there are. */
+static int range_zones(struct rl_detector *detector, const struct rl_reading *reading,
+                       struct rl_seen *seen, int first, const struct rl_amplitude *amplitude,
+                       const struct rl_placement *placement, struct rl_ranged *ranged)
 {
-    const double *z_per_range = seen->sensor->z_per_range;
-    double precision = 0.0, range_m = 0.0, squares = 0.0, time_s = 0.0, common = 0.0;
     int found = 0;
     for (int i = 0; i < placement->zones; i++) {
         const int zone = placement->zone[i];
-        struct rl_ranged ranged;
         look_at(detector, &reading->verdict, seen, first, zone);
         /* A distance is of all the light that comes back. */
         seen->signal = detector->samples.signal + rl_sample(&detector->samples, zone, first);
         lay_others(detector, &reading->verdict, zone, seen);
-        if (rl_ranging(seen, detector->values, detector->role, &ranged)) {
+        if (rl_ranging(seen, detector->values, detector->role, &ranged[found])) {
             /* The sensor projects by the factor of the zone, not of the target. */
-            ranged.variance += is_certain ? 0.0 : spread_of(seen);
-            const double square = z_per_range[zone] * z_per_range[zone];
-            const double weight = square / ranged.variance;
-            precision += weight;
-            common += weight * sqrt(ranged.common / square);
-            const double zone_m = ranged.depth_m / z_per_range[zone];
-            range_m += weight * zone_m;
-            squares += weight * zone_m * zone_m;
+            const double z_per_range = seen->sensor->z_per_range[zone];
+            const double square = z_per_range * z_per_range;
+            ranged[found].depth_m /= z_per_range;
+            /* If it did not surely see the packet for a time at least, that is of anything. */
+            const double variance = amplitude->dark_variance[zone];
+            const bool is_seen = certain_gain(amplitude, zone, variance) > 0.0;
+            ranged[found].variance += is_seen ? 0.0 : spread_of(seen);
+            ranged[found].variance /= square;
+            ranged[found].common /= square;
             found++;
-            time_s += weight * ranged.time_s;
         }
     }
-    if (!(precision > 0.0)) {
+    return found;
+}
+
+/* The mean of the ranges of the zones, weighted by one over the variance. What crosses zones is
+ * farther in the outer ones, so the variance rises with the time since the surest one.
+ */
+static bool combine(struct rl_ranged *ranged, int found, struct rl_placement *placement)
+{
+    double precision = 0.0, range_m = 0.0, squares = 0.0, time_s = 0.0, common = INFINITY;
+    int surest = 0;
+    for (int i = 1; i < found; i++) {
+        surest = ranged[i].variance < ranged[surest].variance ? i : surest;
+    }
+    for (int i = 0; i < found; i++) {
+        const double since_s = ranged[i].time_s - ranged[surest].time_s;
+        const double bend_m = RL_BEND_M_S2 * since_s * since_s / 2.0;
+        const double weight = 1.0 / (ranged[i].variance + bend_m * bend_m);
+        precision += weight;
+        common = fmin(common, ranged[i].common);
+        range_m += weight * ranged[i].depth_m;
+        squares += weight * ranged[i].depth_m * ranged[i].depth_m;
+        time_s += weight * ranged[i].time_s;
+    }
+    if (found == 0) {
         return false;
     }
     placement->range_m = range_m / precision;
-    common /= precision;
     /* If zones differ by more than their variances, that is the variance (Birge 1932). */
     const double spread = (squares - range_m * range_m / precision) / fmax(found - 1, 1);
-    placement->range_variance = fmax(spread, 1.0) / precision + common * common;
+    placement->range_variance = fmax(spread, 1.0) / precision + common;
     placement->time_s = time_s / precision;
     return true;
 }
@@ -286,16 +250,18 @@ bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
     const struct rl_samples *samples = &detector->samples;
     const struct rl_verdict *verdict = &reading->verdict;
     const struct rl_sensor *sensor = &samples->sensor;
-    struct amplitude amplitude;
+    struct rl_amplitude amplitude;
     int first;
     struct rl_seen seen = window_of(detector, verdict, &first);
     for (int zone = 0; zone < samples->zones; zone++) {
         look_at(detector, verdict, &seen, first, zone);
         lay_others(detector, verdict, zone, &seen);
-        fit_amplitude(samples, &seen, zone, &amplitude);
+        rl_fit_amplitude(samples, &seen, zone, &amplitude);
     }
-    const bool is_certain = choose_zones(samples, reading, &amplitude, placement);
-    if (!find_range(detector, reading, &seen, first, is_certain, placement)) {
+    choose_zones(samples, reading, &amplitude, placement);
+    struct rl_ranged ranged[RL_MAX_READ];
+    const int found = range_zones(detector, reading, &seen, first, &amplitude, placement, ranged);
+    if (!combine(ranged, found, placement)) {
         return false;
     }
     const int strongest = placement->zone[0];

@@ -11,6 +11,10 @@ enum { OWN = 1, DARK = 2, MIN_DISTANCES = 2 };
 
 /* The marker is within the zone while the signal exceeds this share of this quantile. */
 static const double IN_ZONE = 0.5, BRIGHTEST = 0.9;
+/* The noise that the sensor is known for counts as so many samples: the fewest that give its
+ * variance a mean (inverse gamma distribution).
+ */
+static const double PRIOR = 3.0;
 static const double TWO_PI = 6.283185307179586;
 
 /* A quantile of some values; it moves them. */
@@ -73,11 +77,14 @@ struct motion {
     double variance; /* of that; all zones share it */
 };
 
-/* Fit the motion of the marker to `alone`: the bend of a parabola, as then the mean is not where
- * the marker was at the mean time; and the correlation of successive samples, which adds to the
- * variance of the mean. Each only if it explains what a parameter costs.
+/* Fit the motion of the marker to `alone`. If it bends, the mean is not where the marker was at the
+ * mean time: the bend of a parabola counts by the odds that there is one (Bayes factor). Correlation
+ * of successive samples, as by other motion, adds to the variance of the mean.
+ *
+ * expected: variance of a sample that the sensor is known for
  */
-static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, double middle_s)
+static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, double middle_s,
+                               double expected)
 {
     double count = 0.0, mean = 0.0, times = 1e-12, skew = 0.0, slope = 0.0;
     for (int row = 0; row < seen->rows; row++) {
@@ -93,43 +100,41 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
     mean /= count;
     slope /= times;
     skew /= times;
-    /* `bend` is the squared time, made orthogonal to a line. */
+    /* `shape` is the squared time, made orthogonal to a line. */
     const double level = times / count;
-    double energy = 1e-12, curve = 0.0, squares = 1e-30;
+    double energy = 1e-12, cross = 0.0, squares = 0.0;
     for (int row = 0; row < seen->rows; row++) {
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
         if (role[row] & OWN) {
-            const double bend = since_s * (since_s - skew) - level;
+            const double shape = since_s * (since_s - skew) - level;
             const double off = seen->alone[row] - mean - slope * since_s;
-            energy += bend * bend;
-            curve += bend * off;
+            energy += shape * shape;
+            cross += shape * off;
             squares += off * off;
         }
     }
-    const double explained = curve * curve / energy / squares;
-    const bool bends = (count - 2.0) * explained / 2.0 > RL_COST_OF_GAIN;
-    curve = bends ? curve / energy : 0.0;
+    const double left = fmax(squares - cross * cross / energy, 0.0);
+    const double noise = (left + PRIOR * expected) / (fmax(count - 3.0, 0.0) + PRIOR - 2.0);
+    const double any = RL_BEND_M_S2 * RL_BEND_M_S2 / 4.0;
+    const double variance = 1.0 / (energy / noise + 1.0 / any);
+    const double bend = variance * cross / noise;
+    const double nats = (bend * bend / variance - log(any / variance)) / 2.0;
+    const double chance = 1.0 / (1.0 + exp(-nats));
     double alike = 0.0, before = 0.0;
     for (int row = 0; row < seen->rows; row++) {
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
         if (role[row] & OWN) {
-            const double bend = since_s * (since_s - skew) - level;
-            const double off = seen->alone[row] - mean - slope * since_s - curve * bend;
+            const double shape = since_s * (since_s - skew) - level;
+            const double off =
+                seen->alone[row] - mean - slope * since_s - chance * bend * shape;
             alike += off * before;
             before = off;
         }
     }
-    squares *= bends ? 1.0 - explained : 1.0;
-    struct motion motion = {.noise = squares / fmax(count - (bends ? 3.0 : 2.0), 1.0)};
-    if (bends) {
-        motion.bend_m = -curve * level;
-        motion.variance = motion.noise * level * level / energy;
-    }
-    const double correlation = fmax(alike / squares, 0.0);
-    if (count * correlation * correlation / 2.0 > RL_COST_OF_GAIN) {
-        motion.variance += alike / count;
-    }
-    return motion;
+    const double spread = chance * (variance + (1.0 - chance) * bend * bend);
+    return (struct motion){.noise = noise,
+                           .bend_m = -chance * bend * level,
+                           .variance = spread * level * level + fmax(alike, 0.0) / count};
 }
 
 /* Mark the samples that the marker itself was seen in; return how many there are. */
@@ -200,7 +205,9 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     for (int row = 0; row < seen->rows; row++) {
         seen->alone[row] = (double)seen->distance[row];
     }
-    struct motion motion = motion_of(seen, role, time_s);
+    const double shot_m = sensor->ranging_shot / fmax(signal, 1e-3);
+    const double expected = shot_m * shot_m + sensor->ranging_floor_m * sensor->ranging_floor_m;
+    struct motion motion = motion_of(seen, role, time_s, expected);
     ranged->variance = motion.noise / own;
     struct rl_ranged parted;
     double others = 0.0;
@@ -210,7 +217,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
         ranged->variance += others * others * sensor->separable_m * sensor->separable_m / 3.0;
         if (parted.variance < ranged->variance) {
             *ranged = (struct rl_ranged){parted.depth_m, parted.variance, time_s, 0.0};
-            motion = motion_of(seen, role, time_s);
+            motion = motion_of(seen, role, time_s, expected);
         }
     } else if (blinks && !(walls > 0 && is_apart(quantile(values, walls, 0.5), depth_m, &parted,
                                                  sensor->separable_m))) {

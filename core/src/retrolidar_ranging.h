@@ -12,6 +12,8 @@
 
 /* Distance of a marker from the surface that it is mounted on. */
 static const double RL_MOUNTING_M = 0.005;
+/* Deviation of the acceleration of a range, such as of what passes at 0.5 m/s, 1 m away. */
+static const double RL_BEND_M_S2 = 0.25;
 /* No range is less, whatever the sensor's offset. */
 static const double RL_NEAREST_M = 1e-3;
 

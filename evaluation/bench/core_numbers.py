@@ -18,6 +18,7 @@ NUMBERS = {
     'whitened.c': ('Q_OVER_R',),
     'pool.c': ('MAX_MISSED',),
     'ranging.c': ('IN_ZONE', 'BRIGHTEST'),
+    'ranging.h': ('RL_BEND_M_S2',),
     'search.h': ('RL_STRONG',),
     'template.c': ('SAME_PHASE_BITS',),
     'interferers.c': ('MIN_NOISE',),

@@ -185,11 +185,12 @@ PARTS = {
         'observation', 'if (judged->window->column.has_two_targets &&', 'if (false &&'
     ),
     'zones: those near the reading only': Part(
-        'placement', 'is_near(samples, reading, zone) ?', 'true ?'
+        'placement', 'if (is_near(samples, reading, zone))', 'if (true)'
     ),
     'zones: light that is not known': Part('placement', 'ALIKE * amplitude->unknown[zone]', '0.0'),
+    'zones: by samples of dark bits': Part('amplitude', 'dark > 2.0 ?', 'false ?'),
     'range: unsure where no zone surely sees the packet': Part(
-        'placement', 'is_certain ? 0.0', 'true ? 0.0'
+        'placement', 'is_seen ? 0.0', 'true ? 0.0'
     ),
     'range: mean of all zones': Part('placement', 'i < placement->zones; i++', 'i < 1; i++'),
     'range: other markers fitted along': Part(
@@ -215,15 +216,18 @@ PARTS = {
         'ranging', 'about_m) < seen->sensor->separable_m', 'about_m) < INFINITY'
     ),
     'range: where it was at the mean time': Part(
-        'ranging', 'const bool bends = ', 'const bool bends = false && '
+        'ranging', 'chance = 1.0 / (1.0', 'chance = 0.0 / (1.0'
     ),
-    'range: variance of motion': Part('placement', ' + common * common', ' + 0.0 * common'),
+    'range: zones at other times count less': Part(
+        'placement', ' + bend_m * bend_m', ' + 0.0 * bend_m'
+    ),
+    'range: variance of motion': Part('placement', ' + common;', ' + 0.0 * common;'),
     'range: zones that differ': Part('placement', 'fmax(spread, 1.0)', 'fmax(0.0 * spread, 1.0)'),
     'bearing: noise that goes on': Part(
-        'placement', '(1.0 + 2.0 * fmax(alike', '(1.0 + 0.0 * fmax(alike'
+        'amplitude', '1.0 + 2.0 * fmax(alike', '1.0 + 0.0 * fmax(alike'
     ),
     'bearing: few samples tell no gain': Part(
-        'placement', 'count >= RL_WORD_DISTANCE', 'count >= 0.0'
+        'amplitude', 'count >= RL_WORD_DISTANCE', 'count >= 0.0'
     ),
     'bearing: neighbours': Part(
         'bearing', '1.0 / (variance[other] + doubt * doubt)', '(other == zone) / (doubt * doubt)'

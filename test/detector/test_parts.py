@@ -3,6 +3,7 @@
 """What parts of the decision buy: each test fails without the parts that it names."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from evaluation.bench.room_truth import Scored
 from evaluation.bench.rooms import play, play_room
 from retrolidar_ros.marker.code import PACKET_BITS, packet
 from retrolidar_ros.marker.dictionary import USABLE_IDS
+from retrolidar_ros.scene.description import Surface
+from retrolidar_ros.scene.reference import WALL_SIGNAL
 
 
 def whole(scored: Scored) -> list[bool]:
@@ -200,6 +203,24 @@ def test_a_zone_without_a_marker_gives_no_range() -> None:
 def test_a_range_is_unsure_if_no_zone_surely_sees_the_packet() -> None:
     """Such as one behind a hand, whose distance may be measured instead."""
     assert max(abs(one.range_deviations) for one in play(12, 10958).scored.placed) < 4
+
+
+def test_the_range_of_a_marker_that_crosses_zones_is_sure() -> None:
+    """By samples of dark bits, as the light of bright ones changes; the wall is far behind.
+
+    Zones see it at other times, and it turns at the border of the view.
+    """
+    placed = []
+    for number in range(3):
+        rng = np.random.default_rng([11119, number])
+        room = room_families.crossing(0.5, 40.0, rng)
+        scene = replace(room.scene, surfaces=(Surface(2.5, WALL_SIGNAL),))
+        placed += play_room(0, replace(room, scene=scene), rng).scored.placed
+    deviations_m = [one.error.range_m / one.range_deviations for one in placed]
+    assert len(placed) >= 90
+    assert np.quantile(deviations_m, 0.95) < 0.014
+    assert np.median([abs(one.error.range_m) for one in placed]) < 0.004
+    assert np.mean([abs(one.range_deviations) < 4 for one in placed]) > 0.85
 
 
 def test_a_marker_of_another_code_is_not_read_again_and_again() -> None:
