@@ -78,8 +78,13 @@ class Placed(NamedTuple):
     motion: str
     company: str
     bearing_zones: tuple[float, float]  # across and down, measured less true
-    range_deviations: float  # measured less true, in standard deviations
+    range_stddev_m: float  # as estimated
     error: PlaceError
+
+    @property
+    def range_deviations(self) -> float:
+        """Measured less true range, in standard deviations."""
+        return self.error.range_m / self.range_stddev_m
 
 
 class Scored(NamedTuple):
@@ -210,8 +215,7 @@ def _placed(one: Detection, packet: SentPacket, room: Room) -> Placed:
     measured, true = _tangents(both_m, 2) / room.scene.sensor.grid.pitch
     across, down = (measured - true).tolist()
     error = place_error(one.place, truth_m)
-    deviations = error.range_m / one.place.range_stddev_m
-    return Placed(packet.motion, packet.company, (across, down), deviations, error)
+    return Placed(packet.motion, packet.company, (across, down), one.place.range_stddev_m, error)
 
 
 def _overlap_s(packet: SentPacket, span_s: tuple[float, float]) -> float:

@@ -88,12 +88,14 @@ def _place(results: Sequence[RoomResult], company: str, motion: str) -> dict[str
     own = [one for one in placed if (one.company, one.motion) == (company, motion)]
     inside = [abs(one.range_deviations) <= _TWO_SIGMAS for one in own]
     errors_mm = [1e3 * abs(one.error.range_m) for one in own]
+    stddevs_mm = [1e3 * one.range_stddev_m for one in own]
     return {
         'company': company,
         'motion': motion,
         'readings': len(own),
         # What half, and what nine tenths are less off than.
         'range_mm': np.quantile(errors_mm, (0.5, 0.9)).tolist() if own else None,
+        'stddev_mm': np.quantile(stddevs_mm, (0.5, 0.9)).tolist() if own else None,
         'range_holds': rate(sum(inside), len(inside)) if inside else None,
         'ellipsoid_holds': held([one.error.squared_distance for one in own]),
     }
@@ -142,15 +144,15 @@ def wrong_table(figures: dict[str, Any]) -> Table:
 
 def place_table(figures: dict[str, Any]) -> Table:
     """Return errors of places by company and motion."""
-    heads = ['right readings', 'range, half and nine tenths within']
+    heads = ['right readings', 'range, half and nine tenths within', 'its standard deviation']
     heads += ['in its 95 % interval', 'place in the 95 % ellipsoid']
     rows = [['', *heads]]
     for one in figures['places']:
         if one['readings']:
             name = f'{_COMPANY.get(one["company"], one["company"])}, {_MOTIONS[one["motion"]]}'
-            half, most = one['range_mm']
+            within = ['{:.1f}, {:.0f} mm'.format(*one[what]) for what in ('range_mm', 'stddev_mm')]
             holds = [percent(one[what]) for what in ('range_holds', 'ellipsoid_holds')]
-            rows.append([name, str(one['readings']), f'{half:.1f}, {most:.0f} mm', *holds])
+            rows.append([name, str(one['readings']), *within, *holds])
     return rows
 
 
