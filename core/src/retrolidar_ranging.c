@@ -114,7 +114,8 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
         }
     }
     const double left = fmax(squares - cross * cross / energy, 0.0);
-    const double noise = (left + PRIOR * expected) / (fmax(count - 3.0, 0.0) + PRIOR - 2.0);
+    const double freedom = fmax(count - 3.0, 0.0) + PRIOR - 2.0;
+    const double noise = fmax((left + PRIOR * expected) / freedom, 1e-12);
     const double any = RL_BEND_M_S2 * RL_BEND_M_S2 / 4.0;
     const double variance = 1.0 / (energy / noise + 1.0 / any);
     const double bend = variance * cross / noise;
