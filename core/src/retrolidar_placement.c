@@ -159,6 +159,9 @@ static bool combine(struct rl_ranged *ranged, int found, struct rl_placement *pl
 {
     double precision = 0.0, range_m = 0.0, squares = 0.0, time_s = 0.0, common = INFINITY;
     int surest = 0;
+    if (found == 0) {
+        return false;
+    }
     for (int i = 1; i < found; i++) {
         surest = ranged[i].variance < ranged[surest].variance ? i : surest;
     }
@@ -171,9 +174,6 @@ static bool combine(struct rl_ranged *ranged, int found, struct rl_placement *pl
         range_m += weight * ranged[i].depth_m;
         squares += weight * ranged[i].depth_m * ranged[i].depth_m;
         time_s += weight * ranged[i].time_s;
-    }
-    if (found == 0) {
-        return false;
     }
     placement->range_m = range_m / precision;
     /* If zones differ by more than their variances, that is the variance (Birge 1932). */
