@@ -138,22 +138,34 @@ class Services:
         return self._clients[service]
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Return the answer of a service."""
-        future = self._client(kind, service).call_async(request)
+        """Return the answer of a service, which is asked once."""
+        client = self._client(kind, service)
+        self._wait_to_be_known(service.rpartition('/')[0])
+        future = client.call_async(request)
         self._observer.wait(future.done, f'an answer of {service}')
         return future.result()
 
-    def read(self, kind: Any, service: str, request: Any) -> Any:
-        """Return the answer of a service that changes nothing, asked again if none comes.
+    def _wait_to_be_known(self, node: str) -> None:
+        """Wait until a node has discovered all clients, as before, their answers are lost.
 
-        An answer is lost as long as the node has not discovered the reader of the client.
+        It does so in the order in which they were made, so an answer to a new one shows it.
         """
-        client = self._client(kind, service)
+        client = self._observer.node.create_client(ListParameters, f'{node}/list_parameters')
+        self._observer.wait(client.service_is_ready, node)
+        self._ask(client, ListParameters.Request(), node)
+        self._observer.node.destroy_client(client)
+
+    def read(self, kind: Any, service: str, request: Any) -> Any:
+        """Return the answer of a service that changes nothing."""
+        return self._ask(self._client(kind, service), request, service)
+
+    def _ask(self, client: Any, request: Any, name: str) -> Any:
+        """Return the answer to a client, which asks again if none comes."""
         for _ in range(round(PATIENCE_S / _ASK_AGAIN_S)):
             future = client.call_async(request)
             if self._observer.spin_until(future.done, _ASK_AGAIN_S):
                 return future.result()
-        raise AssertionError(f'waited in vain for an answer of {service}')
+        raise AssertionError(f'waited in vain for an answer of {name}')
 
     def trigger(self, service: str) -> Trigger.Response:
         return self.call(Trigger, service, Trigger.Request())
