@@ -168,6 +168,7 @@ bool rl_blinking_range(const struct rl_seen *seen, const uint8_t *role, double a
         seen->alone[row] /= gain;
     }
     found->depth_m = about_m;
+    /* Two columns, and two more, as the noise of few samples may be larger (Student 1908). */
     found->variance = squares / fmax(count - 4, 1) / energy / (gain * gain);
     return true;
 }

@@ -78,8 +78,8 @@ struct motion {
 };
 
 /* Fit the motion of the marker to `alone`. If it bends, the mean is not where the marker was at the
- * mean time: the bend of a parabola counts by the odds that there is one (Bayes factor). Correlation
- * of successive samples, as by other motion, adds to the variance of the mean.
+ * mean time: the bend of a parabola counts by the odds that there is one (Bayes factor). What
+ * successive samples have in common, as by other motion, adds to the variance of the mean.
  *
  * expected: variance of a sample that the sensor is known for
  */
