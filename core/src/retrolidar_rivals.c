@@ -100,16 +100,16 @@ static void find_rival(const struct rl_case *judged, int begin, bool repeats,
     }
 }
 
-/* Find packets that are seen in a window, lone if it is one packet long, or repeating. */
+/* Find packets that repeat in a window, or lone ones if it is of one packet. */
 static struct rivals find_rivals(const struct rl_case *judged)
 {
     struct rivals rivals = {.count = 0};
-    for (int begin = 1 - RL_PACKET_BITS; begin < judged->bits.count; begin++) {
-        if (judged->verdict.packets == 1) {
+    for (int begin = 0; begin < RL_PACKET_BITS; begin++) {
+        find_rival(judged, begin, true, &rivals);
+    }
+    if (judged->verdict.packets == 1) {
+        for (int begin = 1 - RL_PACKET_BITS; begin < judged->bits.count; begin++) {
             find_rival(judged, begin, false, &rivals);
-        }
-        if (judged->verdict.transmission.repeats && begin >= 0) {
-            find_rival(judged, begin, true, &rivals);
         }
     }
     return rivals;

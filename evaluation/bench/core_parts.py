@@ -123,6 +123,11 @@ PARTS = {
     'margin and word test: a price of a start among others': Part(
         'decide', 'is_among_others(judged) && !judged->is_expected', 'false'
     ),
+    'margin: lone packets against others that repeat': Part(
+        'rivals',
+        'find_rival(judged, begin, true, &rivals);',
+        'if (judged->verdict.transmission.repeats) find_rival(judged, begin, true, &rivals);',
+    ),
     'margin: other IDs one after the other': Part(
         'decide',
         'margin = fmin(margin, rl_rivals_successive_margin(',

@@ -138,6 +138,13 @@ def test_two_packets_of_other_ids_may_be_one(core: Statistics) -> None:
     assert judged(core, both * fading(), 1958).margin < 0
 
 
+def test_a_marker_that_repeats_and_leaves_is_no_other_that_does_not(core: Statistics) -> None:
+    """The packet of 1476 is the last four bits of 3140, its next packet, and darkness."""
+    gone_bits = 9.5
+    is_there = MIDDLE_S < START_S + (PACKET_BITS - gone_bits) * BIT_PERIOD_S
+    assert judged(core, shown(3140, 4, repeats=True) * is_there, 1476).margin < 10.0
+
+
 def test_a_packet_of_a_marker_that_leaves_is_a_word(core: Statistics) -> None:
     verdict = judged(core, shown(2073) * fading(), 2073)
     assert verdict.word < WORD_NATS
