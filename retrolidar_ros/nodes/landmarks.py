@@ -80,11 +80,7 @@ class LandmarksNode(Node):
             self, self._fixed, values['patience'], self._on_reading, self._restart, values['topics']
         )
         self._topics = LandmarkTopics(
-            self,
-            self._readings.finder,
-            self._fixed,
-            child_frame_of(values),
-            values['publish_tf'],
+            self, self._readings.finder, self._fixed, child_frame_of(values), values['publish_tf']
         )
         for estimate in self._survey.estimates():
             self._topics.publish(estimate)

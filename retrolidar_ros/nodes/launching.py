@@ -224,8 +224,7 @@ def sensor(**arguments: Any) -> IncludeLaunchDescription:
     arguments = {name: LaunchConfiguration(name) for name in SENSOR} | arguments
     arguments['rviz'] = 'false'  # the launch file that includes it starts RViz
     return IncludeLaunchDescription(
-        str(shared_file('launch/retrolidar.launch.py')),
-        launch_arguments=arguments.items(),
+        str(shared_file('launch/retrolidar.launch.py')), launch_arguments=arguments.items()
     )
 
 

@@ -18,11 +18,7 @@ from retrolidar_ros.scene.description import (
     Sensor,
     Surface,
 )
-from retrolidar_ros.scene.transmission import (
-    Transmission,
-    exposure_edges,
-    recurring_share,
-)
+from retrolidar_ros.scene.transmission import Transmission, exposure_edges, recurring_share
 from retrolidar_ros.sensor.frame import Floats, Recording
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 
