@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from retrolidar_ros.cli.arguments import output_path
-from retrolidar_ros.cli.picture import plot_readings
+from retrolidar_ros.cli.plot import plot_readings
 from retrolidar_ros.cli.processes import ProcessError, ProcessGroup
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import find_scene, load_scene

@@ -13,7 +13,7 @@ pytest.importorskip('matplotlib', reason='needs matplotlib, which is a pip extra
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from retrolidar_ros.cli.picture import plot_readings
+from retrolidar_ros.cli.plot import plot_readings
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.scene import Scene, Simulation
