@@ -110,22 +110,13 @@ class Problem:
 
     def covariance_with(self, fit: Fit, known: int) -> Floats:
         """Return the state's covariance (9, 9) with the ranges of readings after `known`."""
-        jacobian, residual, range_m2, edge_rad2 = self._linearised(fit.state, fit.covariance)
-        weights = self._bearing_weights(residual[:, 1:], edge_rad2)
-        weights[known:] = 0
-        information, _ = self._equations(fit.state, jacobian, residual, np.linalg.inv(range_m2))
-        return self._inverse(information + _information(jacobian[:, 1:], weights))
+        return self._inverse(self._equations(fit.state, fit.covariance, known)[0])
 
     def _descend(self, state: State, steps: int, covariance: Floats | None = None) -> Fit:
         """Take Gauss-Newton steps from a state, whose covariance may be known."""
         spread: Floats = np.zeros((9, 9)) if covariance is None else covariance
         for _ in range(steps):
-            jacobian, residual, range_m2, edge_rad2 = self._linearised(state, spread)
-            information, slope = self._equations(state, jacobian, residual, np.linalg.inv(range_m2))
-            bearing, per_state = residual[:, 1:], jacobian[:, 1:]
-            weights = self._bearing_weights(bearing, edge_rad2)
-            information += _information(per_state, weights)
-            slope += np.tensordot(weights * bearing, per_state)
+            information, slope, *variances = self._equations(state, spread, len(self._marker))
             before, spread = spread, self._inverse(information)
             step = spread @ slope * self._free
             largest = float(np.abs(step).max())
@@ -139,6 +130,7 @@ class Problem:
             if largest < _SMALL_STEP and change < 1e-3 * spread[:3, :3].max():
                 break
         jacobian, residual, *_ = self._linearised(state, spread)
+        range_m2, edge_rad2 = variances
         usual = np.diag(range_m2)
         own = np.maximum(usual - _variance_of(jacobian[:, 0], spread), 0.2 * usual)
         scores = self._scores(residual, own, edge_rad2)
@@ -148,11 +140,6 @@ class Problem:
         beyond = np.maximum(np.abs(residual[:, 1:]) - self._half_box, 0.0)
         return np.column_stack([residual[:, 0] / np.sqrt(range_m2), beyond / np.sqrt(edge_rad2)])
 
-    def _bearing_weights(self, bearing: Floats, edge_rad2: Floats) -> Floats:
-        """Return 1 / variance of directions in boxes, shape (n, 2) [1/rad²]."""
-        count = _redundancy(self._axes, self._marker, bearing, self._half_box)
-        return 1 / (self._half_box**2 / 3 + edge_rad2) / count
-
     def _inverse(self, information: Floats) -> Floats:
         """Return the covariance of the state, shape (9, 9)."""
         free = np.ix_(self._free, self._free)
@@ -161,11 +148,27 @@ class Problem:
         return spread
 
     def _equations(
-        self, state: State, jacobian: Floats, residual: Floats, weight: Floats
-    ) -> tuple[Floats, Floats]:
-        weighted = jacobian[:, 0].T @ weight
-        information = weighted @ jacobian[:, 0]
-        slope = weighted @ residual[:, 0]
+        self, state: State, spread: Floats, directions: int
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return information and slope at a state, of all ranges and of the first directions.
+
+        The variances of both, too, as `_linearised` does.
+        """
+        jacobian, residual, range_m2, edge_rad2 = self._linearised(state, spread)
+        weighted = jacobian[:, 0].T @ np.linalg.inv(range_m2)
+        information, slope = weighted @ jacobian[:, 0], weighted @ residual[:, 0]
+        self._add_prior(state, information, slope)
+        bearing, per_state = residual[:, 1:], jacobian[:, 1:]
+        weights = 1 / (self._half_box**2 / 3 + edge_rad2)  # shape (n, 2) [1/rad²]
+        weights /= _redundancy(self._axes, self._marker, bearing, self._half_box)
+        weights[directions:] = 0
+        rows = per_state.reshape(-1, 9)
+        information += (rows * weights.reshape(-1, 1)).T @ rows
+        slope += np.tensordot(weights * bearing, per_state)
+        return information, slope, range_m2, edge_rad2
+
+    def _add_prior(self, state: State, information: Floats, slope: Floats) -> None:
+        """Add what is known without readings (in place)."""
         still = 1 / self.errors.speed**2
         information += np.diag(np.repeat([_SOMEWHERE, 1 / TURN_VARIANCE, still], 3))
         slope[6:] -= still * state.velocity
@@ -178,7 +181,6 @@ class Problem:
             known = np.linalg.inv(self.prior.covariance)
             information[:6, :6] += known
             slope[:6] += known @ off
-        return information, slope
 
     def _linearised(self, state: State, spread: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return derivatives and residuals at a state with a covariance, and variances of these.
@@ -235,12 +237,6 @@ def _redundancy(axes: Floats, marker: NDArray[np.int64], bearing: Floats, half: 
     alike *= np.repeat(np.repeat(marker[:, None] == marker, 2, axis=0), 2, axis=1)
     count: Floats = alike.sum(axis=1).reshape(half.shape)
     return count
-
-
-def _information(jacobian: Floats, weights: Floats) -> Floats:
-    """Return the information of directions with weights (n, 2), shape (9, 9)."""
-    rows = jacobian.reshape(-1, jacobian.shape[-1])
-    return (rows * weights.reshape(-1, 1)).T @ rows
 
 
 def _variance_of(jacobian: Floats, covariance: Floats) -> Floats:
