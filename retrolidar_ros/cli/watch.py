@@ -55,14 +55,13 @@ class Watch:
     def __init__(self, source: SerialSource, zone: int | None, values: Mapping[str, Any]) -> None:
         """Begin without frames; `zone` is the one to look at, None for that which blinks most."""
         self._source = source
-        self._fixed_zone, self._shown_zone = zone, zone
+        self._fixed_zone = zone
         self._settings = DetectorSettings(values)
         self._bit_s = values['bit_period']
         self._clock = ClockMap()
         if (method := values['method']) != METHODS[0]:
             raise ValueError(f'--method {method}: watch shows {METHODS[0]} only')
         self._detector: Detector | None = None
-        self._agreement = Agreement(values['min_readings'])
         self._monitor = FrameMonitor(ZoneGrid())
         self._last: dict[int, Detection] = {}
         self._times: Counter[int] = Counter()

@@ -251,20 +251,14 @@ def core_sensor(sensor: SensorModel, grid: ZoneGrid) -> Any:
     meaning[list(sensor.valid)] = lib.RL_VALID
     meaning[list(sensor.nothing)] = lib.RL_NO_TARGET
     meaning[list(sensor.faint)] = lib.RL_LOW_SIGNAL
-    fields: dict[str, Any] = {
+    other = {'field_of_view', 'noise', 'valid', 'nothing', 'faint'}
+    fields = {
         'rows': grid.rows,
         'columns': grid.columns,
         'zone_pitch': grid.pitch,
         'z_per_range': grid.z_per_range.tolist(),
-        'noise_floor': sensor.noise.floor,
-        'noise_slope': sensor.noise.slope,
-        'noise_ambient': sensor.noise.ambient,
         'meaning': meaning.tolist(),
+        **{f'noise_{part}': value for part, value in vars(sensor.noise).items()},
+        **{name: value for name, value in vars(sensor).items() if name not in other},
     }
-    alike = (
-        *('zone_blur', 'range_offset_m', 'exposure', 'ranging_shot', 'ranging_floor_m'),
-        *('signal_step', 'low_signal', 'max_signal'),
-        *('distance_step_m', 'max_distance_m', 'separable_m'),
-    )
-    fields.update({name: getattr(sensor, name) for name in alike})
     return ffi.new('struct rl_sensor *', fields)

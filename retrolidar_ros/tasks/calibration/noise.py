@@ -147,14 +147,12 @@ def _repeats(signal: Floats, known: NDArray[np.bool_]) -> bool:
 
 
 def _fitted(blocks: list[Block], zones: list[int]) -> NoiseFound:
-    signal = np.array([max(block.signal, 0.0) for block in blocks])
-    ambient = np.array([block.ambient for block in blocks])
-    variance = np.array([block.variance for block in blocks])
-    freedom = np.array([block.samples - 1.0 for block in blocks])
-    ones = np.ones_like(signal)
-    columns = [ones, signal, ambient] if np.ptp(ambient) > _MIN_AMBIENT else [ones, signal]
+    signal, ambient, variance, samples = np.array(blocks).T
+    columns = [np.ones_like(signal), np.maximum(signal, 0.0)]
+    if np.ptp(ambient) > _MIN_AMBIENT:
+        columns.append(ambient)
     while True:
-        values = _weighted(np.stack(columns, axis=-1), variance, freedom)
+        values = _weighted(np.stack(columns, axis=-1), variance, samples - 1)
         if all(one.stddev < _MIN_SURE * values[1].value and one.value > 0 for one in values[1:]):
             break
         columns.pop()
