@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Pose
-from std_msgs.msg import Header
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from retrolidar_ros.nodes.conversion import Marked, covariance_of, to_pose, vector_of
@@ -18,7 +17,7 @@ from retrolidar_ros.tasks.landmarks import Estimate
 _DEVIATIONS = 2.0  # half axes of the drawn ellipsoid, in standard deviations
 _MIN_DIAMETER_M = 0.01
 _LABEL_HEIGHT_M = 0.05
-_COLOUR = (0.0, 0.62, 0.45)
+_COLOUR = {'r': 0.0, 'g': 0.62, 'b': 0.45}
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -53,25 +52,14 @@ def _ellipsoid(
     variances, axes = np.linalg.eigh(covariance)
     # Eigenvectors may be a reflection; the ellipsoid is the same.
     orientation = quaternion_of(axes * np.sign(np.linalg.det(axes)))
-    ellipsoid = _shape(
-        header, Marker.SPHERE, 'place', 0.35, to_pose(position_m, orientation), identity
-    )
+    ellipsoid = Marker(type=Marker.SPHERE, pose=to_pose(position_m, orientation))
     diameters = 2 * _DEVIATIONS * np.sqrt(np.maximum(variances, 0.0))
     scale = ellipsoid.scale
     scale.x, scale.y, scale.z = np.maximum(diameters, _MIN_DIAMETER_M).tolist()
-    upright = to_pose(position_m, _UPRIGHT)
-    label = _shape(header, Marker.TEXT_VIEW_FACING, 'label', 1.0, upright, identity)
+    label = Marker(type=Marker.TEXT_VIEW_FACING, pose=to_pose(position_m, _UPRIGHT), text=text)
     label.scale.z = _LABEL_HEIGHT_M
-    label.text = text
+    for shape, layer, opacity in ((ellipsoid, 'place', 0.35), (label, 'label', 1.0)):
+        # Two sensors with one topic may see the same marker.
+        shape.header, shape.ns, shape.id = header, f'{header.frame_id}/{layer}', identity
+        shape.color = ColorRGBA(**_COLOUR, a=opacity)
     return [ellipsoid, label]
-
-
-def _shape(
-    header: Header, kind: int, layer: str, opacity: float, pose: Pose, identity: int
-) -> Marker:
-    # Two sensors with one topic may see the same marker.
-    space = f'{header.frame_id}/{layer}'
-    shape = Marker(header=header, ns=space, id=identity, type=kind, action=Marker.ADD, pose=pose)
-    shape.color.r, shape.color.g, shape.color.b = _COLOUR
-    shape.color.a = opacity
-    return shape
