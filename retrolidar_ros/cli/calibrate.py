@@ -12,8 +12,8 @@ from retrolidar_ros.cli.arguments import add_bag, measured, output_path
 from retrolidar_ros.cli.decode import NOTHING_READ
 from retrolidar_ros.detector.findings import Cause, Finding
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.tasks.calibration.calibrate import Calibration, MarkerFound, calibrate
-from retrolidar_ros.tasks.calibration.noise import NoiseFound
+from retrolidar_ros.tasks.calibration import Calibration, MarkerFound, calibrate
+from retrolidar_ros.tasks.noise import NoiseFound
 
 HELP = 'estimate the parameters of a recorded sensor and its markers'
 DESCRIPTION = (

@@ -13,8 +13,8 @@ from retrolidar_ros.cli.calibrate import missing, parameters, sentences
 from retrolidar_ros.scene import Scene, Simulation, parse_scene
 from retrolidar_ros.scene.description import Noise, Occlusion, Waypoint
 from retrolidar_ros.sensor.frame import Recording
-from retrolidar_ros.tasks.calibration.calibrate import calibrate
-from retrolidar_ros.tasks.calibration.noise import Estimate
+from retrolidar_ros.tasks.calibration import calibrate
+from retrolidar_ros.tasks.noise import Estimate
 
 WALL = [0, 1, 2, 3, 5, 6, 7, 9, 10, 11, 13, 14, 15]
 FOREIGN: dict[str, Any] = {

@@ -17,7 +17,7 @@ from retrolidar_ros.marker.code import PACKET_BITS
 from retrolidar_ros.sensor.frame import Recording, frame_period
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 from retrolidar_ros.settings.parameter import declared
-from retrolidar_ros.tasks.calibration.noise import Estimate, NoiseFound, noise_of, weighted_mean
+from retrolidar_ros.tasks.noise import Estimate, NoiseFound, noise_of, weighted_mean
 
 _ZONES = 8
 _MIN_PACKETS = 3
