@@ -122,13 +122,9 @@ class LastSamples:
         self, signal: NDArray[np.floating], distance: NDArray[np.floating] | float, stamp_ns: int
     ) -> None:
         self.count += 1
-        for kept, newest in (
-            (self.signal, signal),
-            (self.distance, distance),
-            (self.stamp_ns, stamp_ns),
-        ):
+        for kept in (self.signal, self.distance, self.stamp_ns):
             kept[:-1] = kept[1:]
-            kept[-1] = newest
+        self.signal[-1], self.distance[-1], self.stamp_ns[-1] = signal, distance, stamp_ns
 
 
 class PaperDetector:

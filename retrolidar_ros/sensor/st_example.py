@@ -157,5 +157,4 @@ class StExampleReader(Reader):
             self.counts.withheld += 1
             return None
         self._is_light_wanted, self._dark_frames = False, 0
-        self.counts.frames += 1
         return frame

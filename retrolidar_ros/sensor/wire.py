@@ -194,6 +194,7 @@ class Reader(ABC):
         for piece in self._pieces.split(data):
             self.counts.overlong += piece is None
             if (frame := self._read(piece)) is not None:
+                self.counts.frames += 1
                 frames.append(frame)
         return frames
 
@@ -253,9 +254,7 @@ class FrameReader(Reader):
             if content[0] == KIND_IDENTITY:
                 self.commands.take(decode_identity(content))
                 return None
-            frame = _decode_frame(content)
+            return _decode_frame(content)
         except ValueError:
             self.counts.bad_shape += 1
             return None
-        self.counts.frames += 1
-        return frame
