@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -63,8 +63,7 @@ class Watch:
             raise ValueError(f'--method {method}: watch shows {METHODS[0]} only')
         self._detector: Detector | None = None
         self._monitor = FrameMonitor(ZoneGrid())
-        self._last: dict[int, Detection] = {}
-        self._times: Counter[int] = Counter()
+        self._read: dict[int, tuple[Detection, int]] = {}  # the last of each ID, and how many
         self._last_arrival_s = time.monotonic()
         self._tallies = deque([_Tally(self._last_arrival_s, 0, 0, source.received)])
 
@@ -82,8 +81,8 @@ class Watch:
             detections = self._detector.update(frame)
             self._monitor.read(detections)
             for detection in self._agreement.confirmed(detections):
-                self._last[detection.id] = detection
-                self._times[detection.id] += 1
+                _, times = self._read.get(detection.id, (None, 0))
+                self._read[detection.id] = detection, times + 1
 
     def _begin(self, grid: ZoneGrid) -> Detector:
         if self._fixed_zone is not None and not 0 <= self._fixed_zone < grid.zones:
@@ -93,8 +92,7 @@ class Watch:
             )
         self._shown_zone = self._fixed_zone
         self._agreement = Agreement(self._settings.values['min_readings'])
-        self._last.clear()
-        self._times.clear()
+        self._read.clear()
         self._monitor.restart(grid)
         return self._settings.detector(grid)
 
@@ -149,8 +147,8 @@ class Watch:
                 zone = strongest
         self._shown_zone = zone
         readings = [
-            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, self._times[identity])
-            for identity, detection in self._last.items()
+            LastReading(detection, (now_ns - detection.end_ns) * 1e-9, times)
+            for detection, times in self._read.values()
         ]
         return {
             'frame': newest,
