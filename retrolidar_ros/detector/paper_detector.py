@@ -38,6 +38,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from retrolidar_ros.detector import paper_stages
 from retrolidar_ros.detector.detection import (
     Candidate,
     Detection,
@@ -48,15 +49,7 @@ from retrolidar_ros.detector.detection import (
     place,
     zone_bearing,
 )
-from retrolidar_ros.detector.paper_stages import (
-    PACKET_SAMPLES,
-    PREAMBLE_SAMPLES,
-    SAMPLES_PER_BIT,
-    fit_packets,
-    fit_preamble,
-    silent_level,
-    threshold_bits,
-)
+from retrolidar_ros.detector.paper_stages import PACKET_SAMPLES, PREAMBLE_SAMPLES, SAMPLES_PER_BIT
 from retrolidar_ros.marker.code import PREAMBLE, RESERVED_IDS, decode
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid, valid_samples
 from retrolidar_ros.sensor.model import VL53L8CX
@@ -188,8 +181,8 @@ class PaperDetector:
             return []
         idle = np.flatnonzero(~self._open)
         history, preamble = np.split(self._samples.signal, [-PREAMBLE_SAMPLES])
-        self._d[idle] = silent_level(history[-start:, idle])
-        fit = fit_preamble(preamble, self._d)
+        self._d[idle] = paper_stages.silent_level(history[-start:, idle])
+        fit = paper_stages.fit_preamble(preamble, self._d)
         likely = fit.likelihood >= self._threshold
         if likely.any():
             better = likely & (fit.likelihood > self._likelihood)
@@ -207,7 +200,7 @@ class PaperDetector:
 
     def _read(self, zones: NDArray[np.intp], stamp_ns: int) -> list[Detection]:
         signal = self._samples.signal[-PACKET_SAMPLES:, zones]
-        bits = threshold_bits(signal, self._d[zones], self._c[zones])
+        bits = paper_stages.threshold_bits(signal, self._d[zones], self._c[zones])
         ids, corrected_bits = decode(bits[:, len(PREAMBLE) :])
         reserved = np.isin(ids, RESERVED_IDS)
         readable = (ids >= 0) & ~reserved
@@ -221,7 +214,7 @@ class PaperDetector:
             if identity not in self._registered_ids:
                 self.counts.rejected['unregistered'] += len(read)
                 continue
-            fit = fit_packets(signal[:, read], ids[read])
+            fit = paper_stages.fit_packets(signal[:, read], ids[read])
             order = np.argsort(-np.abs(fit.amplitude), kind='stable')
             best = order[0]
             zone = int(zones[read[best]])
