@@ -29,6 +29,8 @@ from retrolidar_ros.sensor.wire import Reader
 
 DASHES = ' -----------------'
 BLANKS = '|                 '
+PRINTED = {5: 0, 9: 0, 0: 255}
+"""Statuses for which the example prints another number."""
 
 
 class Zone(NamedTuple):
@@ -42,10 +44,6 @@ class Zone(NamedTuple):
 
 Zones = Sequence[Zone | None]
 """In the sensor's order, 16 or 64: the first is at the scene's top right. None has no target."""
-
-
-def mapped(status: int) -> int:
-    return {5: 0, 9: 0, 0: 255}.get(status, status)
 
 
 def text_of(zones: Zones, light: bool = True, line_end: str = '\n') -> bytes:
@@ -69,21 +67,17 @@ def text_of(zones: Zones, light: bool = True, line_end: str = '\n') -> bytes:
     lines += ['', '']
     nothing = f'| {"X":>5}  :  {"X":>5} '
     for first in range(0, side * side, side):
-        row = [zones[first + k] for k in range(side - 1, -1, -1)]
-        lines += [DASHES * side, BLANKS * side + '|']
-        ranging = (
-            f'| \x1b[38;5;10m{zone.distance_mm:5d}\x1b[0m  :  {mapped(zone.status):5d} '
-            if zone
-            else nothing
-            for zone in row
-        )
-        lines.append(''.join(ranging) + '|')
+        ranging = rates = ''
+        for zone in zones[first : first + side][::-1]:
+            if zone:
+                status = PRINTED.get(zone.status, zone.status)
+                ranging += f'| \x1b[38;5;10m{zone.distance_mm:5d}\x1b[0m  :  {status:5d} '
+                rates += f'| {zone.signal_kcps:5d}  :  {zone.ambient_kcps:5d} '
+            else:
+                ranging, rates = ranging + nothing, rates + nothing
+        lines += [DASHES * side, BLANKS * side + '|', ranging + '|']
         if light:
-            rates = (
-                f'| {zone.signal_kcps:5d}  :  {zone.ambient_kcps:5d} ' if zone else nothing
-                for zone in row
-            )
-            lines.append(''.join(rates) + '|')
+            lines.append(rates + '|')
     lines.append(DASHES * side)
     return ''.join(line + line_end for line in lines).encode('ascii')
 

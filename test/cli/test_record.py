@@ -21,12 +21,6 @@ from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.emulator import PortLink, frames_in_real_time
 
 
-def recorder(port: Path, bag: Path, *options: str) -> 'subprocess.Popen[str]':
-    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'record', str(port), '-o', str(bag)]
-    pipe = subprocess.PIPE
-    return subprocess.Popen([*command, *options], stdout=pipe, stderr=pipe, text=True)
-
-
 def until(stream: IO[str] | None, pattern: str) -> str:
     """Return the first line that matches; a stream that ends before fails."""
     assert stream is not None
@@ -42,8 +36,11 @@ def until(stream: IO[str] | None, pattern: str) -> str:
 def test_a_recording_holds_what_was_sent_before_and_after_a_cable_was_out(
     tmp_path: Path, storage: str, end: signal.Signals
 ) -> None:
+    command = [sys.executable, '-m', 'retrolidar_ros.cli', 'record', 'port', '-o', 'bag']
+    command += ['--storage', storage]
     with Sensor(load_scene('coffee'), tmp_path / 'port') as sensor:
-        process = recorder(tmp_path / 'port', tmp_path / 'bag', '--storage', storage)
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=tmp_path)
         line = until(process.stderr, 'zone 9 blinks by')
         sensor.pull()
         until(process.stderr, 'was lost; is the sensor still plugged in')
