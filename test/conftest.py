@@ -94,6 +94,9 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Any:
 @pytest.fixture(scope='session')
 def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Compile both sketches, which checks their types; give where their programs are."""
-    from harness_firmware import compile_firmware
+    from harness_firmware import FIRMWARE, make, need, shared_build
 
-    return compile_firmware(tmp_path_factory)
+    need('make', 'cc', 'c++')
+    build = shared_build(tmp_path_factory, 'firmware')
+    make(FIRMWARE, build, 'host')
+    return build

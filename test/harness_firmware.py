@@ -49,14 +49,6 @@ def shared_build(directories: pytest.TempPathFactory, name: str) -> Path:
     return (base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base) / name
 
 
-def compile_firmware(directories: pytest.TempPathFactory) -> Path:
-    """Compile the firmware for this machine; return where its programs are."""
-    need('make', 'cc', 'c++')
-    build = shared_build(directories, 'firmware')
-    make(FIRMWARE, build, 'host')
-    return build
-
-
 def run(
     *command: object, given: str = '', **environment: str
 ) -> subprocess.CompletedProcess[bytes]:
