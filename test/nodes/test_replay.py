@@ -39,14 +39,6 @@ STALL_S = 7.0
 EARLIER_NS = 10_000_000_000  # what the clock reads in the replay, before the bag begins
 
 
-def taken(system: System) -> int:
-    """Return how many frames the detector has taken when no more come; none may be missing."""
-    status = system.wait_for_status(DETECTOR, DiagnosticStatus.STALE, 'no frame has come')
-    values = values_of(status)
-    assert values['lost frames'] == '0'
-    return int(values['frames'])
-
-
 @pytest.fixture(scope='module')
 def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
     """Return what an emulated sensor made the nodes publish until it was unplugged."""
@@ -59,8 +51,11 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Listener:
         system.frames.clear()
         with Sensor(load_scene('coffee'), system.port):
             system.wait(lambda: len(system.frames) >= LIVE_FRAMES, 'frames')
+        status = system.wait_for_status(DETECTOR, DiagnosticStatus.STALE, 'no frame has come')
+        values = values_of(status)
+        assert values['lost frames'] == '0'
         # The first frames may come before both ends of a connection know of each other.
-        missed = len(system.frames) - taken(system)
+        missed = len(system.frames) - int(values['frames'])
         assert 0 <= missed < LIVE_FRAMES / 2
         del system.frames[:missed]
     return system

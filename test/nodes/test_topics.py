@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What driver and detector offer beside frames and detections, and only while somebody listens."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -69,10 +70,7 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
     lit = tuple(zone for zone in wall.zones or () if zone not in DARK_ZONES)
     scene = replace(scene, surfaces=(*others, replace(wall, zones=lit)))
     with running(directory, '/topics') as system, Sensor(scene, system.port) as sensor:
-        readings: dict[str, list[MarkerDetection]] = {namespace: [] for namespace in READ}
-        for namespace, found in readings.items():
-            topic = f'{namespace}/markers'
-            system.node.create_subscription(MarkerDetection, topic, found.append, 100)
+        readings = {one: system.collect(MarkerDetection, f'{one}/markers', 100) for one in READ}
         system.start('driver', serial_port=system.port)
         system.start('detector', marker_file=known)
         left = {'marker_file': known, 'only_registered': 'true', 'child_frame': 'left_{name}'}
@@ -81,11 +79,8 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
         system.start('detector', *frames, name='mute', namespace='/mute', **mute)
 
         def are_read() -> bool:
-            return all(
-                [one.id for one in readings[namespace]].count(identity) >= 2
-                for namespace, expected in READ.items()
-                for identity in expected
-            )
+            counts = {name: Counter(one.id for one in found) for name, found in readings.items()}
+            return all(counts[name][one] >= 2 for name, ids in READ.items() for one in ids)
 
         system.wait(are_read, 'all markers twice')
         yield Chain(system, sensor, readings)

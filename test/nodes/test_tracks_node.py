@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 from retrolidar_ros.msg import MarkerTrack
-from retrolidar_ros.nodes.conversion import to_ns
+from retrolidar_ros.nodes.conversion import covariance_of, to_ns, vector_of
 from retrolidar_ros.scene.description import load_scene
 from retrolidar_ros.scene.reference import SENSOR
 from retrolidar_ros.settings.files import shared_file
@@ -49,10 +49,10 @@ def test_every_frame_has_a_track_of_every_marker(system: System) -> None:
         assert (one.header.frame_id, one.child_frame_id) == (FRAME_ID, f'marker_{one.id}')
         assert to_ns(one.first) < to_ns(one.last) <= stamp_ns
         assert one.presence > 0
-        assert (np.array(one.pose.covariance).reshape(6, 6).diagonal() > 0).all()
-        assert (np.array(one.twist.covariance).reshape(6, 6).diagonal() > 0).all()
-        x, y, z = one.pose.pose.position.x, one.pose.pose.position.y, one.pose.pose.position.z
-        assert np.sqrt(x * x + y * y + z * z) == pytest.approx(one.range, rel=1e-6)
+        assert (covariance_of(one.pose).diagonal() > 0).all()
+        assert (covariance_of(one.twist).diagonal() > 0).all()
+        distance_m = np.linalg.norm(vector_of(one.pose.pose.position))
+        assert distance_m == pytest.approx(one.range, rel=1e-6)
     # Shapes move with them.
     stamps = [to_ns(array.markers[0].header.stamp) for array in arrays]
     assert np.median(np.diff(stamps)) < 0.15e9
