@@ -40,13 +40,10 @@ class Sensor:
         self.damaged: set[int] = set()
         self.corrupt_share = 0.0
         """Share of packets of which the last byte before the delimiter is another one."""
-        self.lost_share = 0.0
-        """Share of frames that the sensor does not send."""
         self._first: Frame | None = None
-        """Whose sequence and time are those that sensor began with when it last started."""
-        self._restarting = False
+        """Whose sequence and time are zero since the sensor last started."""
         self._scene = scene
-        self._path = port
+        self.path = port
         self._port: PortLink | None = None
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -65,7 +62,7 @@ class Sensor:
 
     def plug(self) -> None:
         with self._lock:
-            self._port = PortLink(self._path)
+            self._port = PortLink(self.path)
 
     def pull(self) -> None:
         with self._lock:
@@ -76,28 +73,22 @@ class Sensor:
     def restart(self) -> None:
         """Begin sequence and clock at zero with the next frame."""
         with self._lock:
-            self._restarting = True
+            self._first = None
 
     def _since_start(self, frame: Frame) -> Frame:
         with self._lock:
-            if self._restarting:
-                self._first, self._restarting = frame, False
+            if self._first is None:
+                self._first = frame
                 self.middle_ns.clear()
-        if self._first is None:
-            return frame
-        return replace(
-            frame,
-            sequence=frame.sequence - self._first.sequence,
-            sensor_time_us=frame.sensor_time_us - self._first.sensor_time_us,
-        )
+            first = self._first
+        time_us = frame.sensor_time_us - first.sensor_time_us
+        return replace(frame, sequence=frame.sequence - first.sequence, sensor_time_us=time_us)
 
     def _run(self) -> None:
         frames = frames_in_real_time(self._scene, None, time.time_ns(), time.time_ns)
         for simulated, middle_ns in frames:
             if self._stop.is_set():
                 return
-            if self._rng.random() < self.lost_share:
-                continue
             frame = self._since_start(simulated)
             data = bytearray(encode_frame(frame))
             # Recorded before it is sent: who receives it may look it up at once.

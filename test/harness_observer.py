@@ -229,23 +229,13 @@ class System(Observer):
         self.started.append(name or node)
 
     def stop(self, name: str, number: signal.Signals = signal.SIGINT) -> None:
-        """End a process by a signal, which must end it in order."""
+        """End a process by a signal, each of which but SIGKILL must end it in order."""
         if number != signal.SIGINT:
-            self.send(name, number)
+            os.kill(self.processes.pid(name), number)
+            os.waitid(os.P_PID, self.processes.pid(name), os.WEXITED | os.WNOWAIT)
         self.started.remove(name)
-        assert self.processes.stop(name) == 0
+        assert self.processes.stop(name) == (-number if number == signal.SIGKILL else 0)
         assert 'Traceback' not in self.log(name)
-
-    def send(self, name: str, number: signal.Signals) -> None:
-        """End a process by a signal of one's choice; it is left to be stopped."""
-        os.kill(self.processes.pid(name), number)
-        os.waitid(os.P_PID, self.processes.pid(name), os.WEXITED | os.WNOWAIT)
-
-    def kill(self, name: str) -> None:
-        """End a process by SIGKILL."""
-        self.send(name, signal.SIGKILL)
-        self.processes.stop(name)
-        self.started.remove(name)
 
     def log(self, name: str) -> str:
         return self.processes.log(name).read_text()

@@ -7,7 +7,7 @@ import re
 import signal
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -39,43 +39,37 @@ STALE = DiagnosticStatus.STALE
 SCENE = load_scene('coffee')
 
 
-@dataclass
-class Chain:
-    """Driver and detector under test, and the sensor that they read."""
+def sequences(system: System, since: int = 0) -> list[int]:
+    return [message.sequence for message, _ in system.frames[since:]]
 
-    system: System
-    sensor: Sensor
 
-    def start(self, node: str) -> None:
-        self.system.start(node, '-p', f'serial_port:={self.system.port}')
-
-    def sequences(self, since: int = 0) -> list[int]:
-        return [message.sequence for message, _ in self.system.frames[since:]]
-
-    def expect_all(self, first: int) -> None:
-        """Check that every frame sent from `first` on has come, once and in order."""
-        last = max(self.sensor.middle_ns)
-        self.system.wait(lambda: last in self.sequences(), f'frame {last}')
-        came = [sequence for sequence in self.sequences() if first <= sequence <= last]
-        sent = [sequence for sequence in sorted(self.sensor.middle_ns) if first <= sequence <= last]
-        assert came == sent
+def expect_all(system: System, sensor: Sensor, first: int) -> None:
+    """Check that every frame sent from `first` on has come, once and in order."""
+    last = max(sensor.middle_ns)
+    system.wait(lambda: last in sequences(system), f'frame {last}')
+    came = [sequence for sequence in sequences(system) if first <= sequence <= last]
+    sent = [sequence for sequence in sorted(sensor.middle_ns) if first <= sequence <= last]
+    assert came == sent
 
 
 @pytest.fixture(scope='module')
-def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
-    """Start the nodes, and then plug in a sensor."""
-    with running(tmp_path_factory.mktemp('faults'), '/faults') as system:
-        chain = Chain(system, Sensor(SCENE, system.port))
-        chain.start('driver')
-        chain.start('detector')
+def sensor(tmp_path_factory: pytest.TempPathFactory) -> Sensor:
+    return Sensor(SCENE, tmp_path_factory.mktemp('faults') / 'port')
+
+
+@pytest.fixture(scope='module')
+def system(sensor: Sensor) -> Iterator[System]:
+    """Start the nodes, and then plug in the sensor."""
+    with running(sensor.path.parent, '/faults') as system:
+        system.start('driver', serial_port=sensor.path)
+        system.start('detector')
         system.wait(lambda: {DRIVER, DETECTOR} <= set(system.statuses), 'both nodes')
-        with chain.sensor:
+        with sensor:
             system.read_all()
-            yield chain
+            yield system
 
 
-def test_markers_are_read_and_placed(chain: Chain) -> None:
-    system, sensor = chain.system, chain.sensor
+def test_markers_are_read_and_placed(system: System, sensor: Sensor) -> None:
     first = system.statuses[DRIVER][0]
     assert (first.level, 'port does not exist' in first.message) == (ERROR, True)
     first = system.statuses[DETECTOR][0]
@@ -97,9 +91,8 @@ def test_markers_are_read_and_placed(chain: Chain) -> None:
     assert rejected <= {'rejected: evidence'}, values
 
 
-def test_transforms_go_out_before_what_they_belong_to(chain: Chain) -> None:
+def test_transforms_go_out_before_what_they_belong_to(system: System) -> None:
     """By the times at which they were sent: on the way, one topic may still overtake another."""
-    system = chain.system
     sent: dict[str, dict[int, int]] = {'transforms': {}, 'markers': {}}
 
     def take_transforms(message: TFMessage, info: dict[str, int]) -> None:
@@ -121,8 +114,7 @@ def test_transforms_go_out_before_what_they_belong_to(chain: Chain) -> None:
         assert sent['transforms'][stamp_ns] < sent['markers'][stamp_ns]
 
 
-def test_a_heartbeat_is_of_the_last_frame_that_was_judged(chain: Chain) -> None:
-    system = chain.system
+def test_a_heartbeat_is_of_the_last_frame_that_was_judged(system: System) -> None:
     system.wait_for_frames(len(system.frames))
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         system.wait(lambda: len(beats) > 5, 'heartbeats')
@@ -136,8 +128,7 @@ def test_a_heartbeat_is_of_the_last_frame_that_was_judged(chain: Chain) -> None:
     )
 
 
-def test_a_detector_that_stands_still_is_reported_and_loses_nothing(chain: Chain) -> None:
-    system = chain.system
+def test_a_detector_that_stands_still_is_reported_and_loses_nothing(system: System) -> None:
     pid, lost = system.processes.pid('detector'), system.number(DETECTOR, 'lost frames')
     os.kill(pid, signal.SIGSTOP)
     try:
@@ -150,8 +141,7 @@ def test_a_detector_that_stands_still_is_reported_and_loses_nothing(chain: Chain
     system.wait_for_status(DRIVER, OK, 'frames a second')
 
 
-def test_two_senders_of_one_frame_id_are_an_error_that_names_them(chain: Chain) -> None:
-    system = chain.system
+def test_two_senders_of_one_frame_id_are_an_error_that_names_them(system: System) -> None:
     publisher = system.node.create_publisher(FrameMsg, 'frames', 10)
     frames = iter(Simulation(SCENE).run(60.0))
 
@@ -170,12 +160,11 @@ def test_two_senders_of_one_frame_id_are_an_error_that_names_them(chain: Chain) 
     system.wait_for_status(DETECTOR, OK, 'accepted')
 
 
-def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Chain) -> None:
-    system = chain.system
+def test_a_cable_that_is_out_costs_the_frames_of_that_time(system: System, sensor: Sensor) -> None:
     frames, restarts = len(system.frames), system.number(DRIVER, 'clock restarts')
-    first = chain.sequences()[-1]
-    chain.sensor.pull()
-    pulled = max(chain.sensor.middle_ns)
+    first = sequences(system)[-1]
+    sensor.pull()
+    pulled = max(sensor.middle_ns)
     system.wait_for_status(DETECTOR, STALE, 'no frame has come for ')
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         for _ in range(2):
@@ -183,87 +172,67 @@ def test_a_cable_that_is_out_for_seconds_costs_the_frames_of_that_time(chain: Ch
     assert not beats
     assert len(system.frames) - frames < 80
     assert system.statuses[DETECTOR][-1].level == STALE
-    chain.sensor.plug()
+    sensor.plug()
     back = len(system.frames)
     assert system.spin_until(lambda: len(system.frames) > back, RECONNECT_S)
     with system.subscribed(Header, 'detector/heartbeat') as beats:
         system.wait_for_frames(back + 50)
         system.wait(lambda: bool(beats), 'a heartbeat')
-    sent = {one for one in chain.sensor.middle_ns if first < one <= pulled}
-    in_the_cable = sent - {*chain.sequences()}
+    sent = {one for one in sensor.middle_ns if first < one <= pulled}
+    in_the_cable = sent - {*sequences(system)}
     assert len(in_the_cable) <= 5  # on a busy machine
     for one in in_the_cable:
-        del chain.sensor.middle_ns[one]
-    chain.expect_all(first)
+        del sensor.middle_ns[one]
+    expect_all(system, sensor, first)
     # The clocks went on meanwhile, so the map still holds: the first stamps are right at once.
     assert system.number(DRIVER, 'clock restarts') == restarts
-    check_stamps(system, chain.sensor, slice(back, None))
+    check_stamps(system, sensor, slice(back, None))
     system.read_all()
 
 
-def test_a_sensor_that_restarts_costs_nothing_but_what_a_packet_had_so_far(chain: Chain) -> None:
-    system = chain.system
+def test_a_sensor_that_restarts_costs_no_frame(system: System, sensor: Sensor) -> None:
     restarts, lost = (system.number(DRIVER, key) for key in ('clock restarts', 'lost frames'))
     before = len(system.frames)
-    chain.sensor.restart()
-    system.wait(lambda: 0 in chain.sequences(before), 'the first frame')
-    begin = before + chain.sequences(before).index(0)
+    sensor.restart()
+    system.wait(lambda: 0 in sequences(system, before), 'the first frame')
+    begin = before + sequences(system, before).index(0)
     system.wait_for_frames(begin + 100)
-    assert chain.sequences(begin) == list(range(len(system.frames) - begin))
+    assert sequences(system, begin) == list(range(len(system.frames) - begin))
     assert system.number(DRIVER, 'clock restarts') == restarts + 1
     assert system.number(DRIVER, 'lost frames') == lost
     stamps = [to_ns(message.header.stamp) for message, _ in system.frames[before:]]
     assert stamps == sorted(set(stamps))
-    check_stamps(system, chain.sensor, slice(begin, begin + 100))
+    check_stamps(system, sensor, slice(begin, begin + 100))
     del system.frames[:begin]  # sequences that come again
     system.read_all()
 
 
-def test_damaged_bytes_cost_their_own_packets_only_and_are_counted(chain: Chain) -> None:
-    system = chain.system
-
+def test_damaged_bytes_cost_their_own_packets_only(system: System, sensor: Sensor) -> None:
     def errors() -> int:
         values = values_of(system.statuses[DRIVER][-1])
         return sum(int(values[f'packets with {kind} errors']) for kind in ('CRC', 'framing'))
 
     lost = system.number(DRIVER, 'lost frames')
-    before, sensor = errors(), chain.sensor
+    before = errors()
     sensor.corrupt_share = 0.05
     first = max(sensor.middle_ns) + 1
     system.wait(lambda: len(sensor.damaged) >= 6, 'damage')
     sensor.corrupt_share = 0.0
     last = max(sensor.middle_ns) + 10
-    system.wait(lambda: max(chain.sequences()) >= last, 'frames')
-    assert {one for one in sensor.middle_ns if first <= one <= last} <= set(chain.sequences())
-    assert not set(chain.sequences()) & sensor.damaged
+    system.wait(lambda: max(sequences(system)) >= last, 'frames')
+    expect_all(system, sensor, first)
+    assert not set(sequences(system)) & sensor.damaged
     count = len(sensor.damaged)
     system.wait(lambda: errors() - before == count, 'the damage to be counted')
     assert system.number(DRIVER, 'lost frames') - lost >= count
-    sensor.corrupt_share = 0.3
-    system.read_all()  # even then
+    sensor.corrupt_share = 0.5
+    system.read_all()  # more packets are needed, but all markers are still read
     sensor.corrupt_share = 0.0
     system.wait_for_status(DRIVER, OK, 'frames a second')
 
 
-def test_half_of_the_frames_lost_are_counted_and_cost_time(chain: Chain) -> None:
-    system = chain.system
-    lost = system.number(DRIVER, 'lost frames')
-    first = chain.sequences()[-1] + 1
-    chain.sensor.lost_share = 0.5
-    system.read_all()  # more packets are needed, but all markers are still read
-    system.wait(lambda: chain.sequences()[-1] > first + 150, 'frames')
-    chain.sensor.lost_share = 0.0
-    last = max(chain.sensor.middle_ns) + 5
-    system.wait(lambda: chain.sequences()[-1] > last, 'frames')
-    chain.expect_all(first)
-    gone = chain.sequences()[-1] - first + 1 - len([s for s in chain.sequences() if s >= first])
-    assert gone > 40
-    assert system.number(DRIVER, 'lost frames') - lost >= gone
-
-
-def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:
-    system = chain.system
-    first = chain.sequences()[-1]
+def test_a_subscriber_that_never_reads_costs_no_frames(system: System, sensor: Sensor) -> None:
+    first = sequences(system)[-1]
     deaf = Node('deaf', namespace=system.namespace, context=system.node.context)
     try:
         reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -271,29 +240,28 @@ def test_a_subscriber_that_never_reads_costs_no_frames(chain: Chain) -> None:
         name = f'{system.namespace}/frames'
         system.wait(lambda: deaf.count_subscribers(name) > 2, 'the deaf subscriber')
         system.wait_for_frames(len(system.frames) + 95)
-        chain.expect_all(first)
+        expect_all(system, sensor, first)
     finally:
         deaf.destroy_node()
 
 
 @pytest.mark.parametrize('node', ['detector', 'driver'])
-def test_a_node_that_is_killed_costs_what_it_would_have_published(chain: Chain, node: str) -> None:
-    system = chain.system
-    first = chain.sequences()[-1]
-    system.kill(node)
+def test_a_killed_node_costs_its_messages_only(system: System, sensor: Sensor, node: str) -> None:
+    first = sequences(system)[-1]
+    system.stop(node, signal.SIGKILL)
     killed = len(system.frames)
     if node == 'detector':
         system.wait_for_status(DRIVER, WARN, 'has ended, or hangs', 3.0)
     else:
         system.pass_time(1.0)
-    chain.start(node)
+    system.start(node, serial_port=system.port)  # which means nothing to the detector
     began = time.monotonic()
     system.wait_for_frames(killed + 100)
     if node == 'detector':
-        chain.expect_all(first)
+        expect_all(system, sensor, first)
     else:
         assert time.monotonic() - began < 30.0
-        chain.expect_all(chain.sequences()[-50])
+        expect_all(system, sensor, sequences(system)[-50])
     system.read_all()
 
 
