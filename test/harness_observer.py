@@ -167,8 +167,10 @@ class Services:
                 return future.result()
         raise AssertionError(f'waited in vain for an answer of {name}')
 
-    def trigger(self, service: str) -> Trigger.Response:
-        return self.call(Trigger, service, Trigger.Request())
+    def trigger(self, service: str) -> tuple[bool, str]:
+        """Return whether a service did what it is for, and what it says."""
+        answer = self.call(Trigger, service, Trigger.Request())
+        return answer.success, answer.message
 
     def change_state(self, node: str, transition: int) -> bool:
         """Return whether a node with a life cycle made a transition."""

@@ -48,7 +48,7 @@ from harness_launch import (
     processes,
 )
 from harness_observer import RELIABLE, values_of
-from harness_tasks import SENSOR_VIEW, check_coffee, check_landmarks, deviation_m, squared
+from harness_tasks import SENSOR_VIEW, check_coffee, deviation_m, squared
 
 from retrolidar_ros.msg import Frame as FrameMsg
 from retrolidar_ros.nodes.conversion import to_ns, vector_of
@@ -217,6 +217,12 @@ def check_arm(observer, node):
         assert squared(came[-1], truth[name]) < MAX_MAHALANOBIS, name
 
 
+def check_arm_of_landmarks(observer):
+    check_arm(observer, 'landmarks')
+    assert observer.services.trigger('landmarks/save')[0]
+    assert {*load_yaml(SAVED)['landmarks']} == {one.name for one in ARM.markers}
+
+
 def check_arm_of_coffee(observer):
     ready = observer.collect(Bool, 'coffee/ready')
     views = observer.collect(PoseStamped, 'coffee/next_view')
@@ -268,12 +274,6 @@ CASES = {
         },
         check_two_sensors,
     ),
-    # Driver and detector wait for a sensor: what the hand reads is said by the test.
-    'landmarks': (
-        'landmarks',
-        {'save_file': str(SAVED), 'serial_port': str(PORTS / 'none')},
-        lambda observer: check_landmarks(observer, SAVED),
-    ),
     'hall': (
         'hall',
         {
@@ -295,7 +295,7 @@ CASES = {
         {**ROBOT, 'single_process': 'true'},
         partial(check_robot, nodes=('reader',), reliability='RELIABLE'),
     ),
-    'arm': ('landmarks', {'emulate': 'arm'}, lambda observer: check_arm(observer, 'landmarks')),
+    'arm': ('landmarks', {'emulate': 'arm', 'save_file': str(SAVED)}, check_arm_of_landmarks),
     'arm_of_coffee': ('coffee', {'emulate': 'arm'}, check_arm_of_coffee),
 }
 """A launch file, its arguments, and what is checked."""
@@ -303,7 +303,7 @@ CASES = {
 
 GROUPS = {
     'plugged_sensor': ['sensor'],
-    'one_sensor': ['drone', 'landmarks', 'emulated'],
+    'one_sensor': ['drone', 'emulated'],
     'objects': ['coffee', 'two_sensors'],
     'robots': [*ROBOTS],
     'arms': ['arm', 'arm_of_coffee'],  # which reach their goals by themselves

@@ -42,11 +42,6 @@ def plug(system: System) -> None:
     system.started.append('sensor')
 
 
-def trigger(system: System, service: str) -> tuple[bool, str]:
-    answer = system.services.trigger(f'driver/{service}')
-    return answer.success, answer.message
-
-
 def change(system: System, transition: int) -> None:
     assert system.services.change_state('driver', transition)
 
@@ -66,26 +61,26 @@ def test_firmware_with_commands_identifies_itself_and_obeys(system: System) -> N
     told = f'{system.port}: firmware {VERSION}, serial number {serial}'
     assert len(re.findall(rf'\[INFO\].*{re.escape(told)}', system.log('driver'))) == 1
 
-    assert trigger(system, 'stop') == (True, 'the sensor is stopped')
+    assert system.services.trigger('driver/stop') == (True, 'the sensor is stopped')
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
     seen = len(system.frames)
     assert system.next_status(STATUS).message == STOPPED
     assert len(system.frames) == seen
-    assert trigger(system, 'stop') == (True, 'the sensor is stopped')
+    assert system.services.trigger('driver/stop') == (True, 'the sensor is stopped')
 
     # The cable is pulled: a sensor that comes back ranges, and is stopped again.
     system.stop('sensor')
     system.wait_for_status(STATUS, DiagnosticStatus.ERROR, 'does not exist')
-    success, message = trigger(system, 'start')
+    success, message = system.services.trigger('driver/start')
     assert not success
     assert 'does not exist; is the sensor plugged in?' in message
     plug(system)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
 
     last = max(message.sequence for message, _ in system.frames)
-    assert trigger(system, 'start') == (True, 'the sensor is ranging')
+    assert system.services.trigger('driver/start') == (True, 'the sensor is ranging')
     wait_for_more(system)
-    assert trigger(system, 'reset') == (True, 'the sensor restarts')
+    assert system.services.trigger('driver/reset') == (True, 'the sensor restarts')
     seen = len(system.frames)
     wait_for_more(system)
     assert min(message.sequence for message, _ in system.frames[seen:]) < max(last, 3)
@@ -127,10 +122,10 @@ def test_what_comes_while_a_driver_is_examined_is_told_the_next_time(
 def test_each_state_of_the_life_cycle(system: System) -> None:
     plug(system)
     system.start('driver', serial_port=system.port, autostart='false')
-    assert trigger(system, 'stop') == (False, 'not configured: the port is closed')
+    assert system.services.trigger('driver/stop') == (False, 'not configured: the port is closed')
     change(system, Transition.TRANSITION_CONFIGURE)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, 'not active')
-    assert trigger(system, 'stop') == (True, 'the sensor is stopped')
+    assert system.services.trigger('driver/stop') == (True, 'the sensor is stopped')
     change(system, Transition.TRANSITION_ACTIVATE)
     system.wait_for_status(STATUS, DiagnosticStatus.WARN, STOPPED)
     assert not system.frames
@@ -169,7 +164,7 @@ def test_text_is_published_as_frames(tmp_path: Path) -> None:
             system.wait(lambda: sum(one.signal[0] > 0 for one in messages) > 30, 'frames')
             values = values_of(system.next_status('driver: frames'))
         reset = system.services.trigger('driver/reset')
-        assert (reset.success, reset.message) == (False, 'this protocol has no commands')
+        assert reset == (False, 'this protocol has no commands')
         assert board.keys == b's'
     lit = [message.signal[0] > 0 for message in messages]
     assert lit == sorted(lit)  # once switched on, it stays on

@@ -79,9 +79,9 @@ def test_markers_are_read_and_placed(system: System, sensor: Sensor) -> None:
     status = system.wait_for_status(DRIVER, OK, 'frames a second')
     # This sensor knows no commands.
     assert (status.hardware_id, 'firmware' in values_of(status)) == (str(system.port), False)
-    answer = system.services.trigger('driver/stop')
-    assert not answer.success
-    assert answer.message.startswith('no answer to stop: flash a firmware')
+    success, message = system.services.trigger('driver/stop')
+    assert not success
+    assert message.startswith('no answer to stop: flash a firmware')
     values = values_of(system.wait_for_status(DETECTOR, OK, 'packets accepted'))
     assert values['method'] == 'joint'
     assert int(values['frames']) > 20
