@@ -7,7 +7,7 @@ import os
 import signal
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,11 @@ from retrolidar_ros.nodes.reader import create_nodes
 from retrolidar_ros.scene import Simulation
 from retrolidar_ros.scene.description import load_scene
 
+# A shell lets its background jobs ignore SIGINT, and so do all that these start; but launches are
+# ended by it.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RELIABLE = QoSProfile(depth=1000)
 _ASK_AGAIN_S = 5.0
@@ -42,6 +47,13 @@ COFFEE_IDS = {2073, 2096, 2107}
 
 def values_of(status: DiagnosticStatus) -> dict[str, str]:
     return {value.key: value.value for value in status.values}
+
+
+def processes() -> Iterator[tuple[int, str]]:
+    """Yield all processes there are, by their numbers and command lines."""
+    for file in Path('/proc').glob('[0-9]*/cmdline'):
+        with suppress(OSError):
+            yield int(file.parent.name), file.read_text()
 
 
 class Observer(Listener):

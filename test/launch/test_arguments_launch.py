@@ -26,8 +26,7 @@ from launch_testing.util import KeepAliveProc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from harness_launch import SCRIPT, processes
-from harness_observer import Observer
+from harness_observer import Observer, processes
 
 from retrolidar_ros.settings.files import shared_file
 
@@ -40,6 +39,20 @@ SECTIONS.write_text(
     '/elsewhere/driver:\n  ros__parameters: {frame_id: other}\n'
     '/**/detecter:\n  ros__parameters: {}\n'
 )
+SCRIPT = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from retrolidar_ros.settings.files import shared_file
+
+arguments = [argument.split(':=', 1) for argument in sys.argv[2:]]
+include = IncludeLaunchDescription(str(shared_file(f'launch/{sys.argv[1]}.launch.py')),
+                                   launch_arguments=arguments)
+service = LaunchService()
+service.include_launch_description(LaunchDescription([include]))
+sys.exit(service.run())
+"""
+"""Launches a file of the package: its name, and arguments."""
 _AT_ONCE = 3
 WRONG = {
     'coffee': ['max_stddev:=x', 'respawn_delay:=-1', 'log_level:=loud', 'emulate:=nowhere'],
