@@ -33,9 +33,27 @@ from retrolidar_ros.tasks.reading import Errors, KnownPose, SensorPose, reading
 from retrolidar_ros.tasks.survey import Backlog, Survey
 from retrolidar_ros.tasks.survey_files import parse_survey
 
+Patch = pytest.MonkeyPatch
+Rng = np.random.Generator
 
-def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
-    rng = np.random.default_rng(1)
+
+@pytest.fixture
+def rng() -> Rng:
+    return np.random.default_rng(1)
+
+
+@pytest.fixture
+def landmark() -> Landmark:
+    """Give one that nothing is known of yet."""
+    return Landmark('mug', ALONE, ERRORS)
+
+
+def look_at(survey: Survey, rng: Rng, name: str = 'mug', marker: int = 7) -> None:
+    for index, eye_m in enumerate(SQUARE):
+        survey.take(name, seen(HERE, eye_m, rng, stamp_s=index, marker=marker))
+
+
+def test_four_places_trilaterate_and_the_ellipsoid_is_honest(rng: Rng) -> None:
     distances, errors_m, told_m = [], [], []
     for _ in range(30):
         place_m = HERE + rng.uniform(-0.1, 0.1, 3)
@@ -52,9 +70,7 @@ def test_four_places_trilaterate_and_the_ellipsoid_is_honest() -> None:
     assert np.mean(np.array(distances) < 7.815) >= 0.9
 
 
-def test_one_place_gives_no_more_however_often_it_looks() -> None:
-    rng = np.random.default_rng(2)
-    landmark = Landmark('mug', ALONE, ERRORS)
+def test_one_place_gives_no_more_however_often_it_looks(landmark: Landmark, rng: Rng) -> None:
     for stamp_s in range(20):
         landmark.take(seen(HERE, np.zeros(3), rng, stamp_s=stamp_s))
     estimate = estimate_of(landmark)
@@ -65,9 +81,9 @@ def test_one_place_gives_no_more_however_often_it_looks() -> None:
     assert abs(open_axis @ HERE) < 0.2 * np.linalg.norm(HERE)
 
 
-def test_nothing_is_published_until_two_more_agree_than_do_not() -> None:
-    rng = np.random.default_rng(3)
-    landmark = Landmark('mug', ALONE, ERRORS)
+def test_nothing_is_published_until_two_more_agree_than_do_not(
+    landmark: Landmark, rng: Rng
+) -> None:
     landmark.take(seen(HERE + np.array([0, 0, 0.5]), np.zeros(3), rng))  # a reflection
     for index, eye_m in enumerate([np.zeros(3), *SQUARE[:2]], start=1):
         assert landmark.estimate() is None
@@ -78,18 +94,16 @@ def test_nothing_is_published_until_two_more_agree_than_do_not() -> None:
     assert estimate.rejected == 1
 
 
-def test_ranges_that_are_hardly_known_are_left_out() -> None:
-    rng = np.random.default_rng(17)
-    landmark = Landmark('mug', ALONE, ERRORS)
+def test_ranges_that_are_hardly_known_are_left_out(landmark: Landmark, rng: Rng) -> None:
     for index in range(3):
         one = seen(HERE, np.zeros(3), rng, stamp_s=index)
         landmark.take(one._replace(range_m=one.range_m - 0.35, range_stddev_m=0.05))
     assert landmark.estimate() is None
 
 
-def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
-    rng = np.random.default_rng(4)
-    landmark = Landmark('mug', ALONE, ERRORS)
+def test_readings_that_do_not_belong_are_counted_and_change_nothing(
+    landmark: Landmark, rng: Rng
+) -> None:
     look_round(landmark, HERE, rng)
     before = estimate_of(landmark)
     assert not landmark.take(seen(HERE + np.array([0.5, 0, 0.2]), SQUARE[0], rng, stamp_s=20))
@@ -98,8 +112,7 @@ def test_readings_that_do_not_belong_are_counted_and_change_nothing() -> None:
     assert np.array_equal(after.position_m, before.position_m)
 
 
-def test_what_is_carried_away_is_never_published_between_two_places() -> None:
-    rng = np.random.default_rng(5)
+def test_what_is_carried_away_is_never_published_between_two_places(rng: Rng) -> None:
     for way in ([0.3, 0.0, 0.0], [0.0, -0.4, 0.3], [-0.2, 0.2, -0.2]):
         landmark = Landmark('mug', ALONE, ERRORS)
         look_round(landmark, HERE, rng)
@@ -114,8 +127,7 @@ def test_what_is_carried_away_is_never_published_between_two_places() -> None:
         assert not landmark.take(seen(HERE, SQUARE[2], rng, stamp_s=12.5))
 
 
-def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() -> None:
-    rng = np.random.default_rng(6)
+def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere(rng: Rng) -> None:
     landmark = Landmark('mug', ALONE, ERRORS, prior_at(HERE, 1e-6, 3.0))
     assert np.array_equal(estimate_of(landmark).position_m, HERE)
     landmark.take(seen(HERE, SQUARE[0], rng, stamp_s=1))
@@ -125,32 +137,31 @@ def test_a_landmark_of_a_former_survey_is_known_until_it_is_found_elsewhere() ->
     assert estimate_of(landmark).moved_s == 4
 
 
-def test_an_object_of_four_markers_has_an_orientation() -> None:
-    rng = np.random.default_rng(7)
-    on_object = {10 + n: 0.5 * corner for n, corner in enumerate(SQUARE)}
+TRAY = {10 + n: 0.5 * corner for n, corner in enumerate(SQUARE)}
+"""Where its markers are on an object."""
+
+
+def test_an_object_of_four_markers_has_an_orientation(rng: Rng) -> None:
     turn = matrix_of_turn(np.array([0.2, -0.3, 0.4]))
-    landmark = Landmark('tray', on_object, ERRORS)
-    for index, (eye_m, marker) in enumerate(itertools.product(SQUARE, on_object)):
-        place_m = HERE + turn @ on_object[marker]
+    landmark = Landmark('tray', TRAY, ERRORS)
+    for index, (eye_m, marker) in enumerate(itertools.product(SQUARE, TRAY)):
+        place_m = HERE + turn @ TRAY[marker]
         landmark.take(seen(place_m, eye_m, rng, marker=marker, stamp_s=index))
     estimate = estimate_of(landmark)
-    off = matrix_of_turn(np.zeros(3)) @ estimate.rotation @ turn.T
+    off = estimate.rotation @ turn.T
     assert math.degrees(math.acos(min((np.trace(off) - 1) / 2, 1))) < 3
     assert squared(estimate, HERE) < 16.27
     assert np.sqrt(np.diag(estimate.covariance)[3:]).max() < 0.1
 
 
-def test_an_object_of_which_one_marker_is_seen_says_that_its_turn_is_open() -> None:
-    rng = np.random.default_rng(8)
-    on_object = {10 + n: 0.5 * corner for n, corner in enumerate(SQUARE)}
-    landmark = Landmark('tray', on_object, ERRORS)
+def test_an_object_of_which_one_marker_is_seen_says_that_its_turn_is_open(rng: Rng) -> None:
+    landmark = Landmark('tray', TRAY, ERRORS)
     for stamp_s in range(2):
         landmark.take(seen(HERE, np.zeros(3), rng, marker=10, stamp_s=stamp_s))
     assert np.sqrt(np.linalg.eigvalsh(estimate_of(landmark).covariance[3:, 3:])[-1]) > 1
 
 
-def test_a_moving_marker_before_three_sensors() -> None:
-    rng = np.random.default_rng(10)
+def test_a_moving_marker_before_three_sensors(rng: Rng) -> None:
     eyes = [0.25 * np.array([math.cos(a), math.sin(a), 0]) for a in (0.0, 2.1, 4.2)]
     errors = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4, acceleration=0.01)
     landmark = Landmark('drone', ALONE, errors)
@@ -172,49 +183,39 @@ def test_a_moving_marker_before_three_sensors() -> None:
     assert estimate_of(landmark).velocity == pytest.approx([0.02, 0, 0], abs=0.02)
 
 
-def test_a_name_stays_with_its_marker_once_that_is_placed() -> None:
-    rng = np.random.default_rng(20)
+def test_a_name_stays_with_its_marker_once_that_is_placed(rng: Rng) -> None:
     survey = Survey({}, ERRORS)
     survey.take('mug', seen(HERE, SQUARE[0], rng, marker=9))  # alone, it may be the wrong one
-    for index, eye_m in enumerate(SQUARE):
-        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    look_at(survey, rng)
     before = estimate_of(survey.landmarks['mug'])
     with pytest.raises(ValueError, match='two markers have one name'):
         survey.take('mug', seen(HERE, SQUARE[0], rng, marker=8, stamp_s=9))
     assert estimate_of(survey.landmarks['mug']) is before
 
 
-def test_a_survey_is_limited_and_prefers_what_is_placed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_survey_is_limited_and_prefers_what_is_placed(rng: Rng, monkeypatch: Patch) -> None:
     monkeypatch.setattr(survey_module, 'MAX_LANDMARKS', 5)
-    rng = np.random.default_rng(21)
     survey = Survey({}, ERRORS)
-    for index, eye_m in enumerate(SQUARE):
-        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    look_at(survey, rng)
     for index in range(8):
         survey.take(f'flood {index}', seen(HERE, SQUARE[0], rng, stamp_s=9))
     assert len(survey.landmarks) == 5
     assert estimate_of(survey.landmarks['mug']).readings == 4
 
 
-def test_after_a_restart_only_the_former_survey_is_known() -> None:
-    rng = np.random.default_rng(22)
+def test_after_a_restart_only_the_former_survey_is_known(rng: Rng) -> None:
     survey = Survey({}, ERRORS, {'mug': prior_at(HERE, 1e-4, 1e-4)})
-    for index, eye_m in enumerate(SQUARE):
-        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
-        survey.take('jar', seen(HERE, eye_m, rng, stamp_s=index, marker=8))
+    look_at(survey, rng)
+    look_at(survey, rng, 'jar', marker=8)
     survey.restart()
     (mug,) = survey.estimates()
     assert (mug.name, mug.readings) == ('mug', 0)
     assert np.array_equal(mug.position_m, HERE)
 
 
-def test_readings_that_cannot_be_solved_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(26)
+def test_readings_that_cannot_be_solved_change_nothing(rng: Rng, monkeypatch: Patch) -> None:
     survey = Survey({}, ERRORS)
-    for index, eye_m in enumerate(SQUARE):
-        survey.take('mug', seen(HERE, eye_m, rng, stamp_s=index))
+    look_at(survey, rng)
     before = estimate_of(survey.landmarks['mug'])
 
     def fail(*_: object) -> None:
@@ -229,8 +230,7 @@ def test_readings_that_cannot_be_solved_change_nothing(monkeypatch: pytest.Monke
     assert estimate_of(survey.landmarks['mug']).readings == 5
 
 
-def test_readings_together_say_what_they_say_one_by_one() -> None:
-    rng = np.random.default_rng(24)
+def test_readings_together_say_what_they_say_one_by_one(rng: Rng) -> None:
     singly, together = Survey({}, ERRORS), Survey({}, ERRORS)
     far = HERE + np.array([0, 0, 0.5])
     readings = [
@@ -247,11 +247,9 @@ def test_readings_together_say_what_they_say_one_by_one() -> None:
     assert first.stddev_m == pytest.approx(second.stddev_m, rel=0.02)
 
 
-def test_an_estimate_does_not_depend_on_where_it_starts() -> None:
-    rng = np.random.default_rng(25)
+def test_an_estimate_does_not_depend_on_where_it_starts(landmark: Landmark, rng: Rng) -> None:
     readings = [seen(HERE, SQUARE[index % 2], rng, stamp_s=index) for index in range(30)]
     readings += [readings[-1]._replace(stamp_s=30.0 + index) for index in range(60)]
-    landmark = Landmark('mug', ALONE, ERRORS)
     for one in readings:
         landmark.take(one)
     alone = Problem(ALONE, tuple(landmark.members), ERRORS).solve()
@@ -289,8 +287,7 @@ def known_room(
     return known, {str(one): {one: np.zeros(3)} for one, _ in survey}
 
 
-def test_a_robot_finds_itself_among_four_markers() -> None:
-    rng = np.random.default_rng(11)
+def test_a_robot_finds_itself_among_four_markers(rng: Rng) -> None:
     walls = [(1, [2, 0.4, 0.3]), (2, [-0.3, 2, -0.2]), (3, [-2, -0.5, 0.1]), (4, [0.6, -2, 0.4])]
     places = [(one, np.array(place)) for one, place in walls]
     room = room_of(*known_room(places), ERRORS, flat=True)
@@ -311,8 +308,7 @@ def test_a_robot_finds_itself_among_four_markers() -> None:
     assert squared(pose, base_m) < 16.27
 
 
-def test_no_pose_is_published_where_the_robot_is_not() -> None:
-    rng = np.random.default_rng(19)
+def test_no_pose_is_published_where_the_robot_is_not(rng: Rng) -> None:
     places = [(one, np.array([2.0, 0.5 * one - 1, 0.0])) for one in range(1, 4)]
     room = room_of(*known_room(places), ERRORS, flat=True)
     ahead = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -332,8 +328,7 @@ def test_a_room_needs_three_markers() -> None:
         room_of(*known_room([(1, HERE), (2, HERE + 1)]), ERRORS)
 
 
-def test_who_waits_longest_is_next_with_the_newest_of_its_readings() -> None:
-    rng = np.random.default_rng(1)
+def test_who_waits_longest_is_next_with_the_newest_of_its_readings(rng: Rng) -> None:
     backlog = Backlog()
     for index in range(30):
         for name in ('mug', 'jar')[index > 0 :]:
