@@ -163,5 +163,9 @@ def run(frames: Iterable[Frame], detector: Detector | str = 'paper') -> list[Det
     return [detection for frame in frames for detection in detector.update(frame)]
 
 
+def rms(values: ArrayLike) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def ids(detections: Iterable[Detection]) -> list[int]:
     return [detection.id for detection in detections]

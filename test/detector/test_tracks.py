@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from harness_frames import GRID, ID, OTHER_ID, ZONE, a_scene, repeating, simulate
+from harness_frames import GRID, ID, OTHER_ID, ZONE, a_scene, repeating, rms, simulate
 from numpy.typing import NDArray
 
 from evaluation.bench.following import two_in_a_zone
@@ -62,10 +62,6 @@ def errors(scene: Scene, tracks: list[Track]) -> tuple[NDArray[np.float64], NDAr
     truth_m = np.linalg.norm(truth, axis=1)
     error = np.array([one.place.range_m for one in tracks]) - truth_m
     return error, error / np.array([one.place.range_stddev_m for one in tracks])
-
-
-def rms(values: NDArray[np.float64]) -> float:
-    return math.sqrt(float(np.mean(values**2)))
 
 
 def test_a_marker_that_stands_is_known_to_a_millimetre_with_every_frame() -> None:
