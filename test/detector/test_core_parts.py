@@ -3,20 +3,11 @@
 """Gains that change, targets, memory and codebook of the core against plain numpy."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from harness_core import (
-    GRID,
-    KEPT,
-    LAW,
-    PERIOD_S,
-    Statistics,
-    bind_core,
-    constant,
-    light_at,
-    sent,
-)
+from harness_core import GRID, KEPT, LAW, PERIOD_S, Statistics, bind_core, constant, light_at, sent
 from harness_frames import recording_of
 from numpy.typing import NDArray
 
@@ -178,6 +169,12 @@ def test_the_variation_of_a_zone_is_that_of_its_newest_packet(core: Statistics) 
             core.lib.rl_noise_follow(core.samples, rows, True)
 
 
+@pytest.fixture(scope='module')
+def followed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
+    """Give what follows markers: memory for it, and its functions."""
+    return bind_core(tmp_path_factory, 'followed')
+
+
 @pytest.mark.parametrize(
     ('zone', 'light', 'crossed', 'learns'),
     [
@@ -190,9 +187,9 @@ def test_the_variation_of_a_zone_is_that_of_its_newest_packet(core: Statistics) 
     ],
 )
 def test_a_gain_is_learnt_at_once_where_light_has_moved(
-    zone: int, light: float, crossed: bool, learns: bool, tmp_path_factory: pytest.TempPathFactory
+    followed: tuple[Any, Any], zone: int, light: float, crossed: bool, learns: bool
 ) -> None:
-    ffi, lib = bind_core(tmp_path_factory, 'followed')
+    ffi, lib = followed
     lights, samples = ffi.new('struct rl_zone_light[16]'), ffi.new('struct rl_zone_sample[16]')
     for one in lights:
         one.level, one.level_variance, one.gain_variance, one.excess = 10.0, 0.1, 0.1, 1.0
@@ -209,10 +206,10 @@ def test_a_gain_is_learnt_at_once_where_light_has_moved(
 
 @pytest.mark.parametrize(('near', 'strongest'), [(0, 5), (5, 5), (8, 5), (10, 15), (3, 3)])
 def test_a_marker_is_only_where_it_was_or_beside(
-    near: int, strongest: int, tmp_path_factory: pytest.TempPathFactory
+    followed: tuple[Any, Any], near: int, strongest: int
 ) -> None:
     """Light that is farther away is another marker's, however strong it is."""
-    ffi, lib = bind_core(tmp_path_factory, 'followed')
+    ffi, lib = followed
     lights = ffi.new('struct rl_zone_light[16]')
     lights[5].gain, lights[15].gain = 100.0, 300.0
     held = ffi.new('struct rl_samples *', {'zones': 16, 'sensor': {'columns': 4}})

@@ -7,17 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from harness_core import (
-    GRID,
-    LAW,
-    ONE_ZONE,
-    PERIOD_S,
-    Statistics,
-    constant,
-    light_at,
-    noisy,
-    sent,
-)
+from harness_core import GRID, LAW, ONE_ZONE, PERIOD_S, Statistics, constant, light_at, noisy, sent
 from harness_frames import recording_of
 
 from retrolidar_ros.detector import create_detector

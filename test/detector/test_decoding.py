@@ -89,9 +89,7 @@ def reading(at_s: float, range_m: float = 1.0, identity: int = ID) -> Detection:
 
 
 @pytest.mark.parametrize('min_readings', [1, 2, 3, 20])
-def test_first_readings_are_withheld_and_whoever_has_no_more_is_told(
-    min_readings: int,
-) -> None:
+def test_first_readings_are_withheld_and_whoever_has_no_more_is_told(min_readings: int) -> None:
     withholding = decoding(min_readings=min_readings)
     stamps_ns = [one.stamp_ns for one in withholding.detect(FRAMES)]
     assert stamps_ns == [one.stamp_ns for one in EVERY[min_readings - 1 :]]

@@ -35,8 +35,7 @@ class Core:
 
     def __init__(self, directories: pytest.TempPathFactory) -> None:
         """Compile it."""
-        names = ('command', 'marker', 'wire')
-        self.ffi, self.lib = bind_core(directories, *names)
+        self.ffi, self.lib = bind_core(directories, 'command', 'marker', 'wire')
 
     def encode(
         self, raw: RawFrame, capacity: int | None = None, targets: IntArray | None = None
@@ -228,22 +227,13 @@ def test_the_core_fits_small_processors(tmp_path: Path) -> None:
     found = sizes(make(FIRMWARE, tmp_path, 'size'))
     assert set(found) == set(MAX_RAM)
     for name, (flash, ram) in found.items():
-        symbols = linked(tmp_path / f'{name}.elf')
+        listed = printed('arm-none-eabi-nm', '--format=posix', tmp_path / f'{name}.elf')
+        symbols = {line.split()[0] for line in listed.splitlines()}
+        used = ''.join(usage.read_text() for usage in tmp_path.glob(f'{name}.elf-*.su'))
+        frames = [row.split('\t') for row in used.splitlines()]
+        stack = sum(int(size) for where, size, _ in frames if where.split(':')[-1] in symbols)
         assert flash < 4096, name
         # Nothing calls itself, so the frames of all functions are more than the stack ever holds.
-        assert ram + stack_bytes(tmp_path, name, symbols) < MAX_RAM[name], name
+        assert ram + stack < MAX_RAM[name], name
         # Arithmetic of floating point, which libgcc would bring, and a heap.
         assert not any(re.match(r'__aeabi_[fd]|malloc|free', one) for one in symbols), name
-
-
-def linked(image: Path) -> set[str]:
-    """Return the names of all symbols in a linked image."""
-    listed = printed('arm-none-eabi-nm', '--format=posix', image)
-    return {line.split()[0] for line in listed.splitlines()}
-
-
-def stack_bytes(build: Path, image: str, symbols: set[str]) -> int:
-    """Return the sum of the stack frames of an image's functions."""
-    used = ''.join(usage.read_text() for usage in build.glob(f'{image}.elf-*.su'))
-    rows = [row.split('\t') for row in used.splitlines()]
-    return sum(int(size) for where, size, _ in rows if where.split(':')[-1] in symbols)

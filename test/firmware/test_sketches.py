@@ -10,15 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import (
-    ROOT,
-    IntArray,
-    RawFrame,
-    assert_same_zones,
-    make,
-    read_line,
-    run_host,
-)
+from harness_firmware import ROOT, IntArray, RawFrame, assert_same_zones, make, read_line, run_host
 from numpy.typing import NDArray
 
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet

@@ -8,7 +8,6 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 import numpy as np
 import pytest
@@ -93,16 +92,6 @@ def errors_ms(run: Run, stamps_ns: Integers) -> Floats:
     return (stamps_ns - run.host_ns).astype(np.float64) / 1e6
 
 
-def checked_errors_ms(run: Run, restarts: int = 0, set_back: bool = False) -> Floats:
-    """Return stamp less truth of each frame, having checked what holds for all stamps."""
-    clock_map = ClockMap(LEAST_DELAY_S)
-    stamps_ns = map_all(clock_map, run)
-    assert clock_map.restarts == restarts
-    assert (np.diff(stamps_ns) <= 0).sum() == set_back
-    assert (stamps_ns < run.arrival_ns).all()
-    return errors_ms(run, stamps_ns)
-
-
 def worst(errors: Floats) -> float:
     return float(np.abs(errors).max())
 
@@ -113,9 +102,16 @@ SKEWS = [-0.01, 0.0, 0.01]
 skews = pytest.mark.parametrize('skew', SKEWS)
 
 
-def check(run: Run, *spans: tuple[float, float, float], **options: Any) -> None:
-    """Check the errors from a second to another one, by the most that they may be [ms]."""
-    errors = checked_errors_ms(run, **options)
+def check(
+    run: Run, *spans: tuple[float, float, float], restarts: int = 0, set_back: bool = False
+) -> None:
+    """Check all stamps, and the errors from a second to another one: how large they may be [ms]."""
+    clock_map = ClockMap(LEAST_DELAY_S)
+    stamps_ns = map_all(clock_map, run)
+    assert clock_map.restarts == restarts
+    assert (np.diff(stamps_ns) <= 0).sum() == set_back
+    assert (stamps_ns < run.arrival_ns).all()
+    errors = errors_ms(run, stamps_ns)
     for start_s, stop_s, most_ms in spans:
         assert worst(errors[run.at(start_s, stop_s)]) < most_ms
 
