@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface
-from retrolidar_ros.sensor.frame import Floats, Frame, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import GRIDS, Floats, Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import DELIMITER, FrameReader, WireCounts, encode_frame
 
@@ -124,6 +124,7 @@ ID, OTHER_ID = 2073, 2096
 ZONE = 9
 GRID = ZoneGrid()
 
+both_grids = pytest.mark.parametrize('grid', GRIDS.values(), ids=['4x4', '8x8'])
 every_method = pytest.mark.parametrize('method', METHODS)
 
 

@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from harness_frames import ID, a_scene, repeating, simulate
+from harness_frames import ID, a_scene, every_method, repeating, simulate
 
 from retrolidar_ros.bag import BagError
-from retrolidar_ros.detector import METHODS
 from retrolidar_ros.detector.agreement import Agreement
 from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Candidate, Detection
@@ -28,7 +27,7 @@ def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:
     return list(simulate(scene, duration_s))
 
 
-@pytest.mark.parametrize('method', METHODS)
+@every_method
 def test_another_zone_grid_begins_anew(method: str) -> None:
     assert list(decoding(method=method).detect([])) == []
     several = [*frames(), *frames(rows=8), *frames()]
@@ -77,8 +76,6 @@ def test_a_table_shows_the_best_of_what_was_rejected() -> None:
 
 
 FRAMES = list(repeating(6.0))
-
-
 EVERY = list(decoding(min_readings=1).detect(FRAMES))
 
 

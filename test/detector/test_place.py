@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from harness_core import GRID, PERIOD_S, light_at, noisy, sent
-from harness_frames import rms
+from harness_frames import both_grids, rms
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,11 +17,10 @@ from retrolidar_ros.detector.detection import Bearing, place, zone_bearing
 from retrolidar_ros.detector.likelihood_detector import core_sensor
 from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.scene.optics import zone_shares
-from retrolidar_ros.sensor.frame import GRIDS, Floats, ZoneGrid
+from retrolidar_ros.sensor.frame import Floats, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, Status
 from retrolidar_ros.sensor.rotation import matrix_of
 
-both_grids = pytest.mark.parametrize('grid', GRIDS.values())
 SPOT = 0.03  # of a marker of 3 cm in 1 m, as a tangent
 POINT = 1e-4
 

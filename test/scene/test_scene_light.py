@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from harness_frames import both_grids
 
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Simulation, parse_scene
@@ -17,7 +18,6 @@ from retrolidar_ros.scene.transmission import Transmission
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.settings.section import Triple
 
-GRIDS = [ZoneGrid(4, 4), ZoneGrid(8, 8)]
 AREA_M2 = 0.03**2
 RESTING = Marker(id=5, position_m=(0.1, -0.2, 1.5), name='m')
 
@@ -47,18 +47,7 @@ def test_yaw_is_good_to_50_and_dead_from_60_degrees() -> None:
     assert (at_yaw >= 0).all()
 
 
-def by_chance(position_m: Floats, size_m: float, grid: ZoneGrid, blur: float) -> Floats:
-    """Sample points of the marker, blur each, and count in which zone they are seen."""
-    rng = np.random.default_rng(4)
-    points = position_m[:2] + size_m * rng.uniform(-0.5, 0.5, (80_000, 2))
-    tangents = points / position_m[2] + blur * grid.pitch * rng.standard_normal(points.shape)
-    index = np.floor(tangents / grid.pitch + grid.columns / 2).astype(int)
-    inside = ((index >= 0) & (index < grid.columns)).all(axis=-1)
-    zone = index[inside, 1] * grid.columns + index[inside, 0]
-    return np.bincount(zone, minlength=grid.zones) / len(points)
-
-
-@pytest.mark.parametrize('grid', GRIDS)
+@both_grids
 @pytest.mark.parametrize('blur', [0.0, 0.05, 0.3])
 @pytest.mark.parametrize(
     ('position', 'size'),
@@ -76,8 +65,16 @@ def test_shares_are_those_of_scattered_points(
 ) -> None:
     shares = zone_shares(np.array([position]), size, grid, blur)
     assert shares.shape == (1, grid.zones)
+    # Points of the marker, each blurred, are counted in the zone where they are seen.
+    rng = np.random.default_rng(4)
+    points = np.array(position[:2]) + size * rng.uniform(-0.5, 0.5, (80_000, 2))
+    tangents = points / position[2] + blur * grid.pitch * rng.standard_normal(points.shape)
+    index = np.floor(tangents / grid.pitch + grid.columns / 2).astype(int)
+    inside = ((index >= 0) & (index < grid.columns)).all(axis=-1)
+    zone = index[inside, 1] * grid.columns + index[inside, 0]
+    counted = np.bincount(zone, minlength=grid.zones) / len(points)
     # Four standard deviations of a share of one half.
-    assert shares[0] == pytest.approx(by_chance(np.array(position), size, grid, blur), abs=7.1e-3)
+    assert shares[0] == pytest.approx(counted, abs=7.1e-3)
 
 
 def test_wander_is_slow_smooth_and_bounded() -> None:
