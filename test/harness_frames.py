@@ -13,8 +13,11 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from retrolidar_ros.detector import METHODS, Detection, Detector, create_detector
+from retrolidar_ros.detector.decoding import Decoding
+from retrolidar_ros.detector.parameters import defaults
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface
+from retrolidar_ros.scene.description import Marker, Sensor, Surface
+from retrolidar_ros.scene.reference import NOISE, RESPONSE
 from retrolidar_ros.sensor.frame import GRIDS, Floats, Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import Status
 from retrolidar_ros.sensor.wire import DELIMITER, FrameReader, WireCounts, encode_frame
@@ -131,12 +134,11 @@ every_method = pytest.mark.parametrize('method', METHODS)
 def a_scene(**marker: object) -> Scene:
     """Return a scene with one marker at 1.2 m in the middle of `ZONE`, and a wall behind it."""
     x, y, z = (1.2 * GRID.directions[ZONE]).tolist()
-    settings = {'id': ID, 'position_m': (x, y, z), 'name': 'marker', 'start_s': 2.0, 'packets': 1}
+    settings: dict[str, Any] = {'name': 'marker', 'start_s': 2.0, 'packets': 1, **marker}
+    own = {'id': ID, 'position_m': (x, y, z), 'response': RESPONSE, **settings}
     return Scene(
-        sensor=Sensor(noise=Noise(floor=4.6, slope=0.22)),
-        markers=(
-            Marker(**{**settings, 'response': Response(0.0005, 0.0035), **marker}),  # type: ignore[arg-type]
-        ),
+        sensor=Sensor(noise=NOISE),
+        markers=(Marker(**own),),
         surfaces=(Surface(float(1.2 * GRID.z_per_range[ZONE]), 4.0),),
     )
 
@@ -166,6 +168,11 @@ def run(frames: Iterable[Frame], detector: Detector | str = 'paper') -> list[Det
 
 def rms(values: ArrayLike) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def decoding(**changes: Any) -> Decoding:
+    """Return what reads bags, some parameters changed."""
+    return Decoding({**defaults(), **changes})
 
 
 def ids(detections: Iterable[Detection]) -> list[int]:

@@ -4,21 +4,15 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import pytest
-from harness_frames import ID, a_scene, every_method, repeating, simulate
+from harness_frames import ID, a_scene, decoding, every_method, repeating, simulate
 
 from retrolidar_ros.bag import BagError
 from retrolidar_ros.detector.agreement import Agreement
-from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Candidate, Detection
 from retrolidar_ros.detector.parameters import DetectorSettings, defaults
 from retrolidar_ros.sensor.frame import Frame, ZoneGrid
-
-
-def decoding(**changes: Any) -> Decoding:
-    return Decoding({**defaults(), **changes})
 
 
 def frames(duration_s: float = 3.0, rows: int = 4) -> list[Frame]:

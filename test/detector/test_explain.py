@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from harness_frames import decoding
 
 from retrolidar_ros.detector.blinking_zones import blinking_zones
-from retrolidar_ros.detector.decoding import Decoding
 from retrolidar_ros.detector.detection import Candidate, Reason
 from retrolidar_ros.detector.explain import Explanation
 from retrolidar_ros.detector.findings import Cause, Finding
@@ -19,19 +19,19 @@ from retrolidar_ros.detector.frame_monitor import FrameMonitor
 from retrolidar_ros.detector.likelihood_detector import Rejections
 from retrolidar_ros.detector.parameters import DetectorSettings, defaults
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import Marker, Noise, Response, Sensor, Surface, load_scene
+from retrolidar_ros.scene.description import Marker, Sensor, Surface, load_scene
+from retrolidar_ros.scene.reference import NOISE, RESPONSE
 from retrolidar_ros.sensor.frame import Frame, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import NoiseLaw
 
-SENSOR = Sensor(jitter_s=0.001, noise=Noise(4.6, 0.22))
+SENSOR = Sensor(jitter_s=0.001, noise=NOISE)
 BITS_MS = (21, 30, 37, 38, 39, 50, 63, 84, 120)
 PLACES = ((1.0, 1), (2.0, 2), (2.5, 4))  # range [m] and seed
 
 
 def marker(range_m: float = 1.0, **changes: Any) -> Marker:
     x, y, z = (range_m * SENSOR.grid.directions[10]).tolist()
-    crystal = Response(0.0005, 0.0035)
-    return Marker(**{'id': 2816, 'position_m': (x, y, z), 'response': crystal, **changes})
+    return Marker(**{'id': 2816, 'position_m': (x, y, z), 'response': RESPONSE, **changes})
 
 
 def seen(
@@ -43,9 +43,9 @@ def seen(
 
 
 def explained(recording: Recording, **changes: Any) -> list[Finding]:
-    decoding = Decoding({**defaults(), **changes})
-    list(decoding.detect(recording))
-    return decoding.explanation().findings()
+    judging = decoding(**changes)
+    list(judging.detect(recording))
+    return judging.explanation().findings()
 
 
 @pytest.mark.parametrize(
@@ -67,8 +67,7 @@ def test_the_bit_period_advised_is_the_true_one(bit_ms: float, range_m: float, s
     assert [one.values['ids'] for one in advice] == ['2816']
     assert advice[0].values['found_s'] == pytest.approx(bit_ms * 1e-3, rel=0.01)
     advised_s = float(str(advice[0]).split()[-1])
-    decoding = Decoding({**defaults(), 'bit_period': advised_s})
-    read = list(decoding.detect(recording))
+    read = list(decoding(bit_period=advised_s).detect(recording))
     assert {one.id for one in read} == {2816}
     assert sum(one.packets for one in read) * 31 * bit_ms * 1e-3 > 0.6 * 20
 
@@ -84,7 +83,8 @@ def test_a_near_trial_that_reads_advises_no_bit_period_that_is_set(
     assert last is None
     # What blinks is not said to be steady.
     (finding,) = Explanation(recording, settings).findings()
-    assert 'ID 2816 was read in 0 packets of 15' in str(finding)
+    assert finding.cause is Cause.FEW_READ
+    assert finding.values == {'ids': '2816', 'read': 0, 'sent': 15}
 
 
 def test_one_packet_tells_its_bit_period_too() -> None:
@@ -100,12 +100,8 @@ def causes(recording: Recording, **changes: Any) -> list[Cause]:
 
 def test_a_silent_marker_may_be_asleep() -> None:
     (asleep,) = explained(seen(marker(start_s=1e3)))
-    assert asleep.cause is Cause.STEADY
-    assert 'zone 10 is by far the brightest, and steady' in str(asleep)
-    assert 'wake it with light' in str(asleep)
-    (nothing,) = explained(seen(wall=20.0))
-    assert nothing.cause is Cause.NO_BLINKING
-    assert 'asleep: wake it with light' in str(nothing)
+    assert (asleep.cause, asleep.values) == (Cause.STEADY, {'zone': 10})
+    assert causes(seen(wall=20.0)) == [Cause.NO_BLINKING]
 
 
 def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
@@ -113,8 +109,7 @@ def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
     four = [marker(id=key, start_s=0.042 * n) for n, key in enumerate((2816, 2073, 2107, 2096))]
     (hidden,) = explained(seen(*four, seconds=10.0))
     assert hidden.cause is Cause.NO_ID
-    assert 'Several markers in the zone? Set registered_ids' in str(hidden)
-    assert re.search(r'tried bits of 42.0, .* and \d+ more', str(hidden))
+    assert re.fullmatch(r'42\.0, .* and \d+ more', hidden.values['tried'])
     two = seen(marker(), marker(id=2073))
     assert explained(two, registered_ids=[2816, 2073]) == []
 
@@ -123,15 +118,13 @@ def test_a_marker_that_is_not_registered_is_named_beside_one_that_is() -> None:
     x, y, z = SENSOR.grid.directions[0].tolist()
     two = seen(marker(), marker(id=2073, position_m=(x, y, z)))
     (unregistered,) = explained(two, registered_ids=[2816])
-    assert unregistered.cause is Cause.UNREGISTERED
-    assert unregistered.values['ids'] == '2073'
+    assert (unregistered.cause, unregistered.values) == (Cause.UNREGISTERED, {'ids': '2073'})
 
 
 def test_a_faint_marker_is_told_of_max_packets() -> None:
     faint = seen(marker(3.1), seed=3)
     (advice,) = explained(faint, max_packets=1)
-    assert advice.cause is Cause.MAX_PACKETS
-    assert '2816 is read with max_packets 8' in str(advice)
+    assert (advice.cause, advice.values['ids']) == (Cause.MAX_PACKETS, '2816')
     assert Cause.MAX_PACKETS not in causes(faint)
 
 
@@ -154,10 +147,9 @@ def test_noise_is_not_told_from_the_marker_s_zone_alone() -> None:
 
 
 def test_stamps_that_stand_still_are_told() -> None:
-    decoding = Decoding(defaults())
-    assert not list(decoding.detect(replace(one, stamp_ns=0) for one in seen(marker(), seconds=4)))
-    (found,) = decoding.explanation().findings()
-    assert 'stand still' in str(found)
+    judging = decoding()
+    assert not list(judging.detect(replace(one, stamp_ns=0) for one in seen(marker(), seconds=4)))
+    assert [one.cause for one in judging.explanation().findings()] == [Cause.STAMPS]
 
 
 @pytest.mark.parametrize(
@@ -200,7 +192,7 @@ def test_a_candidate_is_rejected_once_no_packet_can_explain_it_any_more(
     zone: int, read_in: int, begins: float, rejected: int
 ) -> None:
     start_ns = round(begins * PACKET_NS)
-    (packet, *_) = Decoding(defaults()).detect(seen(marker(), seconds=3.0))
+    (packet, *_) = decoding().detect(seen(marker(), seconds=3.0))
     packet = replace(packet, zones=(read_in,), start_ns=start_ns, end_ns=start_ns + PACKET_NS)
     rejections = Rejections(SENSOR.grid)
     rejections.take([Candidate(7, zone, 1, Reason.EVIDENCE, 0, 0.042, 0.0, 0.0, 0.0)], [packet], 0)
@@ -228,10 +220,15 @@ def said_of(frames: list[Frame], **changes: Any) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize(('bit_s', 'set_s'), [(0.046, 0.042), (0.040, 0.042), (0.042, 0.063)])
+@pytest.mark.parametrize(
+    ('bit_s', 'set_s'), [(0.046, 0.042), (0.055, 0.042), (0.040, 0.042), (0.042, 0.063)]
+)
 def test_one_bit_period_is_advised_and_it_reads(bit_s: float, set_s: float) -> None:
     """Bits of 42 ms and more have a clock; of 40 ms, alias 44.2, two bit periods are tried."""
-    said = [one for one in said_of(frames_of(bit_s), bit_period=set_s) if one]
+    every = said_of(frames_of(bit_s), bit_period=set_s)
+    # Longer ones are told within four seconds.
+    assert any(every[:4]) or bit_s <= 0.042
+    said = [one for one in every if one]
     assert len(said) > 5
     assert len(set(said)) == 1
     advised_s = float(said[0].split()[-1])
@@ -252,11 +249,6 @@ def test_nothing_is_said_of_what_is_read_is_unregistered_or_does_not_blink() -> 
     for number in range(200, 800, 60):
         later = [replace(frame, stamp_ns=frame.stamp_ns + 4 * 10**9) for frame in frames[number:]]
         assert not any(said_of([*frames[:number], *later]))
-
-
-@pytest.mark.parametrize('bit_s', [0.046, 0.055])
-def test_bits_of_another_length_are_told_within_four_seconds(bit_s: float) -> None:
-    assert any(said_of(frames_of(bit_s, 4.1)))
 
 
 def test_an_unknown_code_is_missed_only_where_it_may_come() -> None:

@@ -15,32 +15,17 @@ from retrolidar_ros.detector import create_detector
 from retrolidar_ros.detector.detection import Place
 from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Scene, Simulation
-from retrolidar_ros.scene.description import (
-    Marker,
-    Noise,
-    Occlusion,
-    Ranging,
-    Response,
-    Sensor,
-    Surface,
-    load_scene,
-)
+from retrolidar_ros.scene.description import Marker, Occlusion, Sensor, Surface, load_scene
 from retrolidar_ros.scene.optics import position_at
+from retrolidar_ros.scene.reference import NOISE, RANGING, RESPONSE
 from retrolidar_ros.scene.truth import judge
 from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 from retrolidar_ros.sensor.model import Status
 
 GRID = ZoneGrid(4, 4)
 ZONE = 10
-CENTRE = GRID.directions[ZONE]
-NOISE = Noise(floor=4.6, slope=0.22)
-RANGING = Ranging(shot=0.49, floor=0.0016)
-MARKER = Marker(
-    id=2061,
-    position_m=(float(CENTRE[0]), float(CENTRE[1]), float(CENTRE[2])),
-    name='m',
-    response=Response(dark_s=0.5e-3, bright_s=3.5e-3),
-)
+X, Y, Z = GRID.directions[ZONE].tolist()
+MARKER = Marker(id=2061, position_m=(X, Y, Z), name='m', response=RESPONSE)
 # A bit and a frame of equal middles: each frame sees one half of a bit.
 BITS = packet(2061)
 # Bright for ever: its only packet begins after all that the tests look at.
