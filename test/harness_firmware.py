@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -120,9 +119,3 @@ def read_line(data: bytes) -> tuple[list[Frame], FrameReader]:
     """Return all frames on the line, and the reader with its counts."""
     reader = FrameReader()
     return reader.feed(data), reader
-
-
-def sizes(printed: str) -> dict[str, tuple[int, int]]:
-    """Return flash and static RAM [bytes] by image from what `make size` printed."""
-    rows = re.findall(r'^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+\S*?(\w+)\.elf$', printed, re.M)
-    return {name: (int(text) + int(data), int(data) + int(bss)) for text, data, bss, name in rows}

@@ -30,12 +30,6 @@ def read(text: bytes) -> tuple[list[Frame], WireCounts]:
     return reader.feed(text), reader.counts
 
 
-def read_one(text: bytes) -> Frame:
-    (frame,), counts = read(text)
-    assert counts == WireCounts(frames=1)
-    return frame
-
-
 @both_sides
 @pytest.mark.parametrize('line_end', ['\n', '\r\n'])
 def test_what_is_printed_is_read_with_the_end_of_its_last_row(side: int, line_end: str) -> None:
@@ -57,10 +51,11 @@ def test_what_is_printed_is_read_with_the_end_of_its_last_row(side: int, line_en
 def test_statuses_negative_distances_and_one_of_two_lights() -> None:
     statuses = {5: 5, 9: 5, 0: 0, 255: 0, 1: 1, 6: 6, 10: 10, 13: 13, 254: 254}
     for printed, expected in statuses.items():
-        frame = read_one(text_of([Zone(-12, printed)] * 16))
+        (frame,), counts = read(text_of([Zone(-12, printed)] * 16))
+        assert counts == WireCounts(frames=1)
         assert set(frame.status) == {expected}
         np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
-    frame = read_one(text_of([Zone(700)] * 16).replace(LIGHT_CELL, b'|     X  :      3 '))
+    (frame,), _ = read(text_of([Zone(700)] * 16).replace(LIGHT_CELL, b'|     X  :      3 '))
     assert (set(frame.signal), set(frame.ambient)) == ({0}, {3})
 
 

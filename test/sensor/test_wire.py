@@ -25,7 +25,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from retrolidar_ros.scene.emulator import EmulatedFirmware
-from retrolidar_ros.sensor.frame import Frame, ZoneGrid
+from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.identity import Command, Commands, Identity, encode_identity
 from retrolidar_ros.sensor.wire import (
     DELIMITER,
@@ -105,19 +105,13 @@ def test_cobs_decodes_or_refuses_as_the_reference_does(pypi_cobs: Any, encoded: 
         assert cobs_decode(encoded) == expected
 
 
-def read_one(packet: bytes) -> Frame:
-    """Read a packet that holds a frame."""
-    (frame,), counts = read(packet)
-    assert counts == WireCounts(frames=1)
-    return frame
-
-
 def test_the_written_packet_follows_the_protocol_is_read_and_is_written(pypi_cobs: Any) -> None:
     content = content_of(4, 4, ZONES, sequence=SEQUENCE)
     assert len(content) == 15 + 16 * 11
     checksum = struct.pack('<H', bitwise_crc(content))
     assert pypi_cobs.encode(content + checksum) + b'\0' == PACKET
-    frame = read_one(PACKET)
+    (frame,), counts = read(PACKET)
+    assert counts == WireCounts(frames=1)
     assert (frame.sequence, frame.sensor_time_us) == (SEQUENCE, SENSOR_TIME_US)
     assert frame.stamp_ns == SENSOR_TIME_US * 1000
     assert frame.grid == ZoneGrid(4, 4)
@@ -145,17 +139,6 @@ def test_values_are_clipped_to_the_units_of_the_wire() -> None:
     for field in (1, 2):
         raw = [highest, highest, highest, highest - 1023, 1, 0, 0, 0]
         assert [zone[field] for zone in in_order] == raw
-
-
-@pytest.mark.parametrize('side', [4, 8])
-def test_only_status_255_means_no_distance_and_rows_begin_at_the_right(side: int) -> None:
-    for first in range(0, 256, side**2):
-        status = np.arange(first, first + side**2)
-        zones = [(8000, 2048, 0, int(code)) for code in status]
-        frame = read_one(encode_packet(content_of(side, side, zones)))
-        np.testing.assert_array_equal(frame.status.reshape(side, side)[:, ::-1].ravel(), status)
-        np.testing.assert_array_equal(np.isnan(frame.distance), frame.status == 255)
-        assert (frame.distance[frame.status != 255] == 2).all()
 
 
 @pytest.mark.parametrize(

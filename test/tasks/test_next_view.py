@@ -9,7 +9,7 @@ from harness_readings import ALONE, ERRORS, HERE, estimate_of, seen
 from retrolidar_ros.sensor.frame import Floats
 from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.next_view import ViewPlanner, best_place
-from retrolidar_ros.tasks.reading import Reading
+from retrolidar_ros.tasks.reading import Reading, SensorPose
 
 FAR_M = HERE + np.array([0.2, 0.1, 0.9])
 
@@ -44,9 +44,9 @@ class Hand:
                 self.look(name, np.zeros(3), stamp_s)
 
     @property
-    def eye_m(self) -> Floats:
+    def view(self) -> SensorPose:
         assert self.planner.view is not None
-        return self.planner.view.position_m
+        return self.planner.view
 
 
 def test_the_best_place_is_the_one_that_helps() -> None:
@@ -72,18 +72,18 @@ def test_the_best_place_is_the_one_that_helps() -> None:
 def test_the_next_viewpoint_keeps_still_until_the_hand_was_there_or_had_time_to_go() -> None:
     hand = Hand(mug=HERE, jar=FAR_M)
     hand.look_twice()
-    first_m = hand.eye_m
+    first_m = hand.view.position_m
     for stamp_s in (2.0, 4.0, 6.0):  # on its way
         hand.look('mug', stamp_s / 8 * first_m, stamp_s)
-        assert np.array_equal(hand.eye_m, first_m)
+        assert np.array_equal(hand.view.position_m, first_m)
     hand.look('mug', first_m, 7.4)
-    assert np.array_equal(hand.eye_m, first_m)  # the jar was not read there yet
+    assert np.array_equal(hand.view.position_m, first_m)  # the jar was not read there yet
     hand.look('jar', first_m, 7.8)
-    second_m = hand.eye_m
+    second_m = hand.view.position_m
     assert not np.array_equal(second_m, first_m)
     hand.look('mug', first_m, 15.0)
-    assert np.array_equal(hand.eye_m, second_m)
-    view = hand.planner.view
+    assert np.array_equal(hand.view.position_m, second_m)
+    view = hand.view
     hand.look('mug', first_m, 16.0)  # it does not come there
     assert hand.planner.view is not view
 
@@ -91,7 +91,7 @@ def test_the_next_viewpoint_keeps_still_until_the_hand_was_there_or_had_time_to_
 def test_a_viewpoint_is_given_up_when_its_objects_are_known() -> None:
     hand = Hand(mug=HERE)
     hand.look_twice()
-    assert hand.planner.view is not None
+    assert hand.view
     hand.look('mug', np.zeros(3), 2.0, known=('mug',))
     assert hand.planner.view is None
 
@@ -101,9 +101,8 @@ def test_a_viewpoint_is_within_reach_and_heights_and_looks_at_the_objects() -> N
     hand.planner.heights_m = (-0.1, 0.05)
     hand.look_twice()
     for stamp_s in range(10, 100, 9):
-        hand.look('mug', hand.eye_m, stamp_s)
-        view = hand.planner.view
-        assert view is not None
+        hand.look('mug', hand.view.position_m, stamp_s)
+        view = hand.view
         assert np.linalg.norm(view.position_m) <= 0.3 + 1e-9
         assert -0.1 <= view.position_m[2] <= 0.05
         assert np.allclose(view.rotation @ view.rotation.T, np.eye(3))
@@ -121,8 +120,7 @@ def test_of_objects_too_far_apart_for_one_look_the_one_known_least_is_looked_at(
     hand = Hand(mug=HERE, jar=aside_m)
     hand.look_twice()
     hand.look('mug', np.zeros(3), 10.0)
-    view = hand.planner.view
-    assert view is not None
+    view = hand.view
     off = view.rotation.T @ (aside_m - view.position_m)
     assert np.abs(off[:2] / off[2]).max() < 0.1
     off = view.rotation.T @ (HERE - view.position_m)
