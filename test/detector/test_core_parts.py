@@ -86,15 +86,6 @@ def test_one_target_is_taken_as_it_is_and_a_hand_is_an_erasure(core: Statistics)
     np.testing.assert_allclose(seen, np.where(hand, signal[39], signal), rtol=1e-6)
 
 
-def energies(own: float, adjacent: float, smooth: Floats, bits: Floats) -> Floats:
-    """Return the energy of each packet, of shape (ids,), from its pairs of dark bits."""
-    pairs = np.stack(
-        [(bits[:, lag:] * bits[:, : PACKET_BITS - lag]).sum(axis=1) for lag in range(PACKET_BITS)]
-    )
-    energy: Floats = own * pairs[0] + 2 * adjacent * pairs[1] - smooth @ pairs
-    return energy
-
-
 @pytest.mark.parametrize('registered', [4094, 300, 30, 3, 1])
 def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: int) -> None:
     rng = np.random.default_rng(registered)
@@ -116,10 +107,12 @@ def test_the_codebook_finds_the_two_best_packets(core: Statistics, registered: i
         packets = packet(ids).astype(np.float64)
         sums = packets @ soft
         bits = np.roll(packets, shift, axis=1) * seen
+        # Pairs of dark bits of each packet, by how far they are apart, shape (bits, ids).
+        apart = range(PACKET_BITS)
+        pairs = np.stack([(bits[:, n:] * bits[:, : PACKET_BITS - n]).sum(axis=1) for n in apart])
+        energy = own * pairs[0] + 2 * adjacent * pairs[1] - lags @ pairs
         # Whitening would leave less than nothing of some.
-        energy = np.maximum(
-            energies(own, adjacent, lags, bits), constant('MIN_ENERGY') * own * bits.sum(axis=1)
-        )
+        energy = np.maximum(energy, constant('MIN_ENERGY') * own * bits.sum(axis=1))
         squared = np.where(sums > 0, sums**2 / energy, 0)
         least = rng.choice([0.0, 0.5 * squared.max(), 2 * squared.max()])
         expected = np.sort(squared[squared > least])[::-1][:2]

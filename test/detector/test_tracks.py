@@ -46,8 +46,9 @@ def ranging_scene(**marker: object) -> Scene:
     return replace(scene, sensor=replace(scene.sensor, ranging=RANGING))
 
 
-def steady(tracks: list[list[Track]]) -> list[Track]:
-    """Return the tracks a second after they began to be followed."""
+def steady(scene: Scene, seconds: float) -> list[Track]:
+    """Return the tracks of a scene, a second after they began to be followed."""
+    _, tracks = follow(simulate(scene, seconds))
     every = [one for frame in tracks for one in frame]
     return [one for one in every if one.stamp_ns - every[0].stamp_ns > 1e9]
 
@@ -66,11 +67,9 @@ def errors(scene: Scene, tracks: list[Track]) -> tuple[NDArray[np.float64], NDAr
 
 def test_a_marker_that_stands_is_known_to_a_millimetre_with_every_frame() -> None:
     scene = ranging_scene()
-    recording = simulate(scene, 8.0)
-    _, tracks = follow(recording)
-    found = steady(tracks)
+    found = steady(scene, 8.0)
     error, scaled = errors(scene, found)
-    assert len(found) > 0.95 * (len(recording) - (KNOWN_S + 1.0) / SENSOR.period_s)
+    assert len(found) > 0.95 * (len(simulate(scene, 8.0)) - (KNOWN_S + 1.0) / SENSOR.period_s)
     assert rms(error) < 5e-4
     assert 0.4 < rms(scaled) < 1.5
 
@@ -78,8 +77,7 @@ def test_a_marker_that_stands_is_known_to_a_millimetre_with_every_frame() -> Non
 @pytest.mark.parametrize('along_m', [0.05, 0.15, 0.3])
 def test_a_marker_that_comes_and_goes_is_followed_within_its_deviation(along_m: float) -> None:
     scene = ranging_scene(wander=Wander(across_m=0.0, along_m=along_m, period_s=2.0))
-    _, tracks = follow(simulate(scene, 12.0))
-    found = steady(tracks)
+    found = steady(scene, 12.0)
     error, scaled = errors(scene, found)
     bright = np.array([one.last_ns == one.stamp_ns for one in found])
     assert rms(error[bright]) < 8e-3
@@ -102,8 +100,7 @@ def test_a_marker_that_turns_round_at_once_is_followed() -> None:
 @pytest.mark.parametrize(('period_s', 'most'), [(6.0, 1.0), (3.0, 1.2)])
 def test_a_marker_that_crosses_the_view_is_in_its_deviation(period_s: float, most: float) -> None:
     scene = ranging_scene(wander=Wander(across_m=0.3, along_m=0.0, period_s=period_s))
-    _, tracks = follow(simulate(scene, 20.0))
-    found = steady(tracks)
+    found = steady(scene, 20.0)
     truth = position_at(scene.markers[0], np.array([1e-9 * one.stamp_ns for one in found]))
     off = [one.place.position_m - true for one, true in zip(found, truth, strict=True)]
     squared = [
@@ -235,8 +232,7 @@ def test_the_background_moves_no_range() -> None:
     scene = ranging_scene(position_m=a_scene().markers[0].position_m)
     depth_m = scene.surfaces[0].distance_m
     behind = replace(scene, surfaces=(Surface(depth_m + 0.4, 40.0),))
-    _, tracks = follow(simulate(behind, 15.0))
-    error, _ = errors(behind, steady(tracks)[200:])
+    error, _ = errors(behind, steady(behind, 15.0)[200:])
     assert rms(error) < 0.015
 
 
@@ -244,8 +240,7 @@ def test_the_noise_of_distances_is_learnt() -> None:
     scene = ranging_scene(wander=Wander(across_m=0.0, along_m=0.05, period_s=4.0))
     noisy = Ranging(shot=4 * RANGING.shot, floor=4 * RANGING.floor)
     scene = replace(scene, sensor=replace(scene.sensor, ranging=noisy))
-    _, tracks = follow(simulate(scene, 20.0))
-    _, scaled = errors(scene, steady(tracks)[300:])
+    _, scaled = errors(scene, steady(scene, 20.0)[300:])
     assert 0.5 < rms(scaled) < 1.5
 
 

@@ -14,8 +14,9 @@ from retrolidar_ros.marker.code import packet
 from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.scene.description import Marker, Response, Wander
 from retrolidar_ros.scene.optics import position_at, received_signal, zone_shares
+from retrolidar_ros.scene.reference import RESPONSE
 from retrolidar_ros.scene.transmission import Transmission
-from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 from retrolidar_ros.settings.section import Triple
 
 AREA_M2 = 0.03**2
@@ -91,28 +92,8 @@ def test_wander_is_slow_smooth_and_bounded() -> None:
 
 
 SHARP = Marker(id=2061, position_m=(0, 0, 1), name='m')
-MARKER = replace(SHARP, response=Response(dark_s=0.5e-3, bright_s=3.5e-3))
+MARKER = replace(SHARP, response=RESPONSE)
 ENDS_DARK = next(identity for identity in range(1, 4095) if packet(identity)[-1])
-
-
-def relaxed(marker: Marker, until_s: float, step_s: float) -> tuple[Floats, Floats]:
-    """Step a first-order crystal through time; return times and its transmission, both (n,)."""
-    bits = np.array([*packet(marker.id), *[0] * marker.gap_bits])
-    response = marker.response or Response(dark_s=1e-9, bright_s=1e-9)
-    # An exponential runs from 10 to 90 % in τ (ln 10 - ln 10/9).
-    darker = 1 - math.exp(-step_s * math.log(9) / response.dark_s)
-    brighter = 1 - math.exp(-step_s * math.log(9) / response.bright_s)
-    times = np.arange(0, until_s, step_s)
-    within = times + step_s / 2 - marker.start_s
-    sent = np.floor(within / (marker.bit_period_s * (1 + marker.clock_error))).astype(int)
-    silent = (sent < 0) | (sent >= (marker.packets or 10**9) * len(bits))
-    goals = np.where(silent, 1.0, 1.0 - bits[sent % len(bits)])
-    levels = np.empty_like(times)
-    level = 1.0
-    for index, goal in enumerate(goals.tolist()):
-        levels[index] = level
-        level += (goal - level) * (darker if goal < level else brighter)
-    return times, levels
 
 
 MARKERS = [
@@ -131,8 +112,22 @@ MARKERS = [
 
 @pytest.mark.parametrize('marker', MARKERS)
 def test_light_is_that_of_a_crystal_stepped_through_time(marker: Marker) -> None:
+    bits = np.array([*packet(marker.id), *[0] * marker.gap_bits])
+    response = marker.response or Response(dark_s=1e-9, bright_s=1e-9)
     step_s = 5e-5
-    times, levels = relaxed(marker, 3.0, step_s)
+    # A first-order crystal; an exponential runs from 10 to 90 % in τ (ln 10 - ln 10/9).
+    darker = 1 - math.exp(-step_s * math.log(9) / response.dark_s)
+    brighter = 1 - math.exp(-step_s * math.log(9) / response.bright_s)
+    times = np.arange(0, 3.0, step_s)
+    within = times + step_s / 2 - marker.start_s
+    sent = np.floor(within / (marker.bit_period_s * (1 + marker.clock_error))).astype(int)
+    silent = (sent < 0) | (sent >= (marker.packets or 10**9) * len(bits))
+    goals = np.where(silent, 1.0, 1.0 - bits[sent % len(bits)])
+    levels = np.empty_like(times)
+    level = 1.0
+    for index, goal in enumerate(goals.tolist()):
+        levels[index] = level
+        level += (goal - level) * (darker if goal < level else brighter)
     integral = np.cumsum((levels[1:] + levels[:-1]) / 2 * step_s)
     slices_s = np.column_stack([times[:-1], times[1:]])
     computed = np.cumsum(Transmission.of(marker).mean(slices_s) * step_s)
