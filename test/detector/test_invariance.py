@@ -172,12 +172,10 @@ def test_a_mirrored_view_changes_nothing_else(case: Case, axis: int) -> None:
     assert_alike(sorted(mirrored), expected)
 
 
-CLOCKS = Stress('two markers, lost frames, noise', second=0.6, lost=0.1, noise=2.0, sway=0.2)
-
-
 def two_markers(seed: int) -> Recording:
-    """Return two markers in each zone, of which the clocks are fast."""
-    stress = replace(CLOCKS, clock_error=-0.01 * seed)
+    """Return two markers in each zone, of which the clocks are fast, in noise, and lose frames."""
+    fast = -0.01 * seed
+    stress = Stress('two', second=0.6, lost=0.1, noise=2.0, sway=0.2, clock_error=fast)
     rng = np.random.default_rng(seed)
     recording = record(stress, 150.0, rng, USABLE_IDS, repeated_s=6.0).recording
     recording.ambient[:] = 3.0 * seed

@@ -84,10 +84,6 @@ def test_a_turned_marker_shows_less_or_nothing(capsys: Output) -> None:
     assert 'wakes at no distance' in output
 
 
-ANGLES_RAD = st.floats(0, LARGEST_ANGLE_RAD)
-NOISES_V = st.sampled_from(sorted(NOISE_V.values()))
-
-
 def test_outdoors_the_indoor_threshold_keeps_the_marker_awake() -> None:
     assert wakeup_range_m(THRESHOLD_V, NOISE_V['outdoors']) == math.inf
     outdoors = wakeup_range_m(NOISE_V['outdoors'] + GUARD_V, NOISE_V['outdoors'])
@@ -104,7 +100,7 @@ def test_beyond_the_largest_angle_there_is_noise_only() -> None:
     assert float(voltage_v(np.array(1.0), math.radians(54.9))) > NOISE_V['indoors']
 
 
-@given(ANGLES_RAD, NOISES_V, st.floats(1e-4, 0.1))
+@given(st.floats(0, LARGEST_ANGLE_RAD), st.sampled_from([*NOISE_V.values()]), st.floats(1e-4, 0.1))
 def test_range_and_voltage_agree(angle: float, noise_v: float, guard_v: float) -> None:
     range_m = wakeup_range_m(noise_v + guard_v, noise_v, angle)
     assert float(voltage_v(np.array(range_m), angle, noise_v)) == pytest.approx(noise_v + guard_v)

@@ -91,7 +91,6 @@ NEEDED = {(index, key) for index in (0, 1) for key in ITEMS} | {
     }.items()
     for key in keys.split()
 }
-EITHER = ('position', 'path')
 COMPLETE = parse_scene(FULL)
 
 
@@ -119,8 +118,8 @@ def test_every_key_can_be_left_out_or_is_said_to_be_missing(path: Place) -> None
         content['surfaces'] = []  # zone 63 would be too many
     result = outcome(content)
     # A marker needs either.
-    is_needed = path[-2:] in NEEDED and path not in {('markers', 0, one) for one in EITHER}
-    if is_needed:
+    either = ('markers', 0, 'position'), ('markers', 0, 'path')
+    if path[-2:] in NEEDED and path not in either:
         assert result == f'{dotted(path)}: is missing'
     else:
         assert isinstance(result, Scene)
