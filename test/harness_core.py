@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from harness_firmware import make, need, shared_build
+from harness_firmware import ROOT, make, need, shared_build
 from harness_frames import recording_of
 from numpy.typing import ArrayLike, NDArray
 from oracle import Sending, Zone, light, log_likelihood
@@ -21,7 +21,6 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
 
-ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / 'core' / 'src'
 PROGRAMS = ROOT / 'test' / 'core'
 LAW = NoiseLaw()

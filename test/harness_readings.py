@@ -15,6 +15,8 @@ NOISE_M = 0.001
 ERRORS = Errors(range_bias_m=1e-4, pose_m=1e-4, turn_rad=1e-4)
 ALONE = {7: np.zeros(3)}
 SQUARE = [np.array([x, y, 0.0]) for x, y in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))]
+FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""How a sensor that looks forward is turned in a base with x forward and z up (REP 103)."""
 HERE = np.array([0.1, -0.05, 1.2])
 
 

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from harness import MAX_MAHALANOBIS, check_place
 from harness_observer import LATCHED, Observer, values_of
-from harness_readings import GRID, SQUARE
+from harness_readings import FORWARD, GRID, HERE, SQUARE
 from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
@@ -49,12 +49,7 @@ class View(NamedTuple):
 
 
 SENSOR_VIEW = View(SENSOR_FRAME, np.eye(3), np.zeros(3))
-# A base with x forward, y left and z up; the sensor looks forward (REP 103).
-BASE_VIEW = View(
-    'base',
-    np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
-    np.array([0.25, -0.1, 0.8]),
-)
+BASE_VIEW = View('base', FORWARD, np.array([0.25, -0.1, 0.8]))
 
 
 def check_coffee(observer: Observer, scene: Scene, node: str, view: View) -> None:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness_core import PROGRAMS, ROOT, SOURCES, compile_core
-from harness_firmware import need, printed, run
+from harness_core import PROGRAMS, SOURCES, compile_core
+from harness_firmware import ROOT, need, printed, run
 
 from retrolidar_ros import core
 

@@ -5,7 +5,6 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -166,14 +165,9 @@ def test_frames_depend_on_the_seed_only() -> None:
 
 @pytest.mark.parametrize('split', [1, 2, 37, 100, 101])
 def test_blocks_have_no_seam(split: int) -> None:
-    chance: dict[str, Any] = {
-        'jitter_s': 0.0,
-        'noise': None,
-        'ranging': None,
-        'lost': 0.0,
-        'abnormal': 0.0,
-    }
-    sensor = replace(EVERYTHING.sensor, target_threshold=20.0, **chance)
+    by_chance = ('jitter_s', 'noise', 'ranging', 'lost', 'abnormal')
+    without = {name: getattr(Sensor(), name) for name in by_chance}
+    sensor = replace(EVERYTHING.sensor, target_threshold=20.0, **without)
     scene = replace(EVERYTHING, sensor=sensor)
     whole = simulate(scene, 200)
     assert Status.NO_PREVIOUS_TARGET in whole.status

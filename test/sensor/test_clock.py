@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from retrolidar_ros.sensor.clock import MAX_SKEW, WINDOW_S, ClockMap
+from retrolidar_ros.sensor.frame import Floats
 
 PERIOD_S = 0.021
 SLOW_PERIOD_S = 1 / 15
@@ -23,7 +24,6 @@ LEAST_DELAY_S = 0.005
 START_NS = 1_700_000_000_000_000_000
 BOOTED_US = 5_000_000
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 

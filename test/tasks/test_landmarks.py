@@ -11,6 +11,7 @@ import pytest
 from harness_readings import (
     ALONE,
     ERRORS,
+    FORWARD,
     GRID,
     HERE,
     SQUARE,
@@ -292,9 +293,8 @@ def test_a_robot_finds_itself_among_four_markers(rng: Rng) -> None:
     places = [(one, np.array(place)) for one, place in walls]
     room = room_of(*known_room(places), ERRORS, flat=True)
     base_m, base = np.array([0.3, -0.2, 0.0]), matrix_of_turn(np.array([0, 0, 0.7]))
-    forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     for step in range(48):
-        turn = matrix_of_turn(np.array([0, 0, math.radians(15 * (step % 24))])) @ forward
+        turn = matrix_of_turn(np.array([0, 0, math.radians(15 * (step % 24))])) @ FORWARD
         for marker, place_m in places:
             own = (place_m - base_m) @ base @ turn
             if own[2] > 0.5 and np.abs(own[:2]).max() < 0.4 * own[2]:
@@ -311,11 +311,10 @@ def test_a_robot_finds_itself_among_four_markers(rng: Rng) -> None:
 def test_no_pose_is_published_where_the_robot_is_not(rng: Rng) -> None:
     places = [(one, np.array([2.0, 0.5 * one - 1, 0.0])) for one in range(1, 4)]
     room = room_of(*known_room(places), ERRORS, flat=True)
-    ahead = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     poses = []
     # Three readings of one marker, which put it on a circle, and then the others.
     for index, (marker, place_m) in enumerate([*places[:1] * 3, *places[1:]]):
-        room.take(seen(place_m, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=ahead))
+        room.take(seen(place_m, np.zeros(3), rng, marker=marker, stamp_s=index, rotation=FORWARD))
         estimate = room.estimate()
         poses.append(None if estimate is None else robot_pose(estimate, np.zeros(3), np.eye(3)))
     assert poses[:3] == [None] * 3
