@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from harness import MAX_MAHALANOBIS, check_place
 from harness_observer import LATCHED, Observer, values_of
-from harness_readings import FORWARD, GRID, HERE, SQUARE
+from harness_readings import FORWARD, GRID, SQUARE
 from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 

@@ -131,7 +131,7 @@ def test_two_packets_of_other_ids_may_be_one(core: Statistics) -> None:
 def test_a_marker_that_repeats_and_leaves_is_no_other_that_does_not(core: Statistics) -> None:
     """The packet of 1476 is the last four bits of 3140, its next packet, and darkness."""
     gone_bits = 9.5
-    is_there = MIDDLE_S < START_S + (PACKET_BITS - gone_bits) * BIT_PERIOD_S
+    is_there = START_S + (PACKET_BITS - gone_bits) * BIT_PERIOD_S > MIDDLE_S
     assert judged(core, shown(3140, 4, repeats=True) * is_there, 1476).margin < 10.0
 
 

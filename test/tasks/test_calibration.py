@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from retrolidar_ros.cli.calibrate import missing, parameters, sentences
-from retrolidar_ros.scene import Scene, Simulation, parse_scene
+from retrolidar_ros.scene import Simulation, parse_scene
 from retrolidar_ros.scene.description import Noise, Occlusion, Waypoint
 from retrolidar_ros.sensor.frame import Recording
 from retrolidar_ros.tasks.calibration import calibrate
@@ -50,8 +50,10 @@ DISTANCE_M = math.hypot(0.075, 0.075, 0.7)
 SCENE = parse_scene(FOREIGN)
 
 
-def recorded(scene: Scene, seconds: float = 30.0) -> Recording:
-    return Simulation(scene).run(seconds)
+def recorded(seconds: float = 30.0, sensor: Any = None, **changes: Any) -> Recording:
+    """Record the scene, some of it and of its sensor changed."""
+    changed = replace(SCENE.sensor, **(sensor or {}))
+    return Simulation(replace(SCENE, sensor=changed, **changes)).run(seconds)
 
 
 def holds(estimate: Estimate | None, truth: float) -> bool:
@@ -61,7 +63,7 @@ def holds(estimate: Estimate | None, truth: float) -> bool:
 
 
 def test_all_is_found_in_a_recording_of_a_foreign_sensor() -> None:
-    recording = recorded(SCENE)
+    recording = recorded()
     found = calibrate(recording, distance_m=DISTANCE_M)
     noise = found.noise
     assert noise is not None
@@ -87,7 +89,7 @@ def test_all_is_found_in_a_recording_of_a_foreign_sensor() -> None:
 @pytest.mark.parametrize('scale', [0.125, 1.0, 8.0])
 def test_noise_of_any_size(scale: float) -> None:
     noise = Noise(4.6 * scale, 0.22 * scale)
-    found = calibrate(recorded(replace(SCENE, sensor=replace(SCENE.sensor, noise=noise)))).noise
+    found = calibrate(recorded(sensor={'noise': noise})).noise
     assert found is not None
     signal = np.array([5.0, 30.0, 200.0])
     truth = noise.floor + noise.slope * signal
@@ -95,9 +97,8 @@ def test_noise_of_any_size(scale: float) -> None:
 
 
 def test_ambient_light_that_varies_gives_its_noise() -> None:
-    noise = Noise(4.6, 0.22, 0.5)
-    scene = replace(SCENE, sensor=replace(SCENE.sensor, noise=noise), ambient=2.0)
-    dim, lit = recorded(scene, 15), recorded(replace(scene, ambient=60.0, seed=9), 15)
+    sensor = {'noise': Noise(4.6, 0.22, 0.5)}
+    dim, lit = recorded(15, sensor, ambient=2.0), recorded(15, sensor, ambient=60.0, seed=9)
     later = int(dim.stamp_ns[-1]) + 33_000_000
     both = Recording.of([*dim, *(replace(frame, stamp_ns=frame.stamp_ns + later) for frame in lit)])
     found = calibrate(both).noise
@@ -108,8 +109,8 @@ def test_ambient_light_that_varies_gives_its_noise() -> None:
 def test_a_marker_that_moves_has_a_clock_and_no_range() -> None:
     ends = Waypoint(0, (-0.25, 0, 0)), Waypoint(20, (0.25, 0, 0)), Waypoint(40, (-0.25, 0, 0))
     marker = replace(SCENE.markers[0], position_m=(0.0, 0.03, 0.6), bit_period_s=0.0667)
-    moved = replace(SCENE, sensor=replace(SCENE.sensor, path=ends), markers=(marker,))
-    found = calibrate(recorded(moved), distance_m=DISTANCE_M)
+    recording = recorded(sensor={'path': ends}, markers=(marker,))
+    found = calibrate(recording, distance_m=DISTANCE_M)
     assert found.markers[0].moves
     assert set(parameters(found)) >= {'bit_period'}
     assert found.offset_m is None
@@ -120,29 +121,28 @@ def test_a_marker_that_moves_has_a_clock_and_no_range() -> None:
 
 
 def test_without_a_marker_there_is_noise_and_advice() -> None:
-    found = calibrate(recorded(replace(SCENE, markers=())))
+    found = calibrate(recorded(markers=()))
     assert (found.markers, found.offset_m) == ([], None)
     assert set(parameters(found)) == {'noise_floor', 'noise_slope', 'noise_ambient'}
     assert any(line.startswith('No zone blinks') for line in missing(found))
 
 
 def test_noise_of_ambient_light_does_not_blink_where_no_zone_is_measured() -> None:
-    sensor = replace(SCENE.sensor, noise=Noise(4.6, 0.22, 0.22), abnormal=0.5)
-    found = calibrate(recorded(replace(SCENE, sensor=sensor, ambient=200.0, markers=())))
+    sensor = {'noise': Noise(4.6, 0.22, 0.22), 'abnormal': 0.5}
+    found = calibrate(recorded(sensor=sensor, ambient=200.0, markers=()))
     assert found.noise is None
     assert found.zones == []
 
 
 def test_a_scene_without_noise_is_said_to_have_none() -> None:
-    sensor = replace(SCENE.sensor, noise=None)
-    advice = missing(calibrate(recorded(replace(SCENE, sensor=sensor)), distance_m=DISTANCE_M))
+    advice = missing(calibrate(recorded(sensor={'noise': None}), distance_m=DISTANCE_M))
     (line,) = [line for line in advice if 'noise' in line]
     assert line.startswith('The recording has no noise, so nothing can be told of it: give the')
 
 
 def test_zones_that_are_alike_give_no_slope() -> None:
     wall = replace(SCENE.surfaces[0], zones=None)
-    found = calibrate(recorded(replace(SCENE, surfaces=(wall,), markers=())))
+    found = calibrate(recorded(surfaces=(wall,), markers=()))
     assert found.noise is not None
     assert found.noise.slope is None
     assert float(found.noise.law.variance(np.array(20.0))) == pytest.approx(36, rel=0.1)
@@ -153,7 +153,7 @@ def test_zones_that_are_alike_give_no_slope() -> None:
 def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:
     hidden = Occlusion(every_s=0.2, lasting_s=0.1)
     lamp = replace(SCENE.markers[0], packets=1, start_s=1000.0, occlusion=hidden)
-    found = calibrate(recorded(replace(SCENE, markers=(lamp,)), 8))
+    found = calibrate(recorded(8, markers=(lamp,)))
     assert found.markers == []
     assert 'bit_period' not in parameters(found)
     assert any('no ID fits' in line for line in sentences(found))
@@ -161,7 +161,7 @@ def test_a_blinking_light_that_is_no_marker_has_a_period_and_no_id() -> None:
 
 def test_two_markers_are_measured_apart() -> None:
     other = replace(SCENE.markers[0], id=204, position_m=(-0.2, -0.2, 0.9), contrast=0.8)
-    found = calibrate(recorded(replace(SCENE, markers=(*SCENE.markers, other))))
+    found = calibrate(recorded(markers=(*SCENE.markers, other)))
     near, far = found.markers
     assert (near.id, far.id) == (2816, 204)
     assert near.zone != far.zone
@@ -171,12 +171,10 @@ def test_two_markers_are_measured_apart() -> None:
 
 def test_a_marker_whose_dark_bits_are_no_target_is_no_zone_at_rest() -> None:
     wall, *paper = SCENE.surfaces
-    sensor = replace(SCENE.sensor, target_threshold=15.0, noise=Noise(4.6, 0.22))
+    sensor = {'target_threshold': 15.0, 'noise': Noise(4.6, 0.22)}
     marker = replace(SCENE.markers[0], contrast=1.0, bit_period_s=0.18)
-    dark = replace(
-        SCENE, sensor=sensor, markers=(marker,), surfaces=(replace(wall, signal=3.0), *paper)
-    )
-    found = calibrate(recorded(dark))
+    surfaces = (replace(wall, signal=3.0), *paper)
+    found = calibrate(recorded(sensor=sensor, markers=(marker,), surfaces=surfaces))
     assert found.noise is not None
     assert found.noise.zones == [4, 8, 12]
     assert [one.id for one in found.markers] == [2816]
