@@ -5,12 +5,13 @@
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from harness_frames import ID, a_scene, simulate
+from harness_frames import ID, a_scene, run, simulate
 
 from evaluation.bench.disturbances import restless_blocks, wall_blocks
 from evaluation.bench.following import walls
@@ -165,13 +166,7 @@ def test_frames_lost_in_bursts_make_no_wrong_id() -> None:
     simulation = Simulation(scene)
     frames = [frame for _ in range(8) for frame in simulation.advance(200)]
     kept = ~np.logical_xor.accumulate(rng.random(len(frames)) < 0.1)
-    detector = joint()
-    read = [
-        detection.id
-        for frame, keep in zip(frames, kept.tolist(), strict=True)
-        if keep
-        for detection in detector.update(frame)
-    ]
+    read = [one.id for one in run(compress(frames, kept), joint())]
     assert set(read) == {marker.id for marker in scene.markers}
     assert len(read) > 17
 

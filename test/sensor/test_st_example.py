@@ -55,7 +55,8 @@ def test_statuses_negative_distances_and_one_of_two_lights() -> None:
         assert counts == WireCounts(frames=1)
         assert set(frame.status) == {expected}
         np.testing.assert_array_equal(frame.distance, np.full(16, -0.012, dtype=np.float32))
-    (frame,), _ = read(text_of([Zone(700)] * 16).replace(LIGHT_CELL, b'|     X  :      3 '))
+    (frame,), counts = read(text_of([Zone(700)] * 16).replace(LIGHT_CELL, b'|     X  :      3 '))
+    assert counts == WireCounts(frames=1)
     assert (set(frame.signal), set(frame.ambient)) == ({0}, {3})
 
 
