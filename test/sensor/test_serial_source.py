@@ -129,7 +129,12 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read:
 
 
 @pytest.mark.parametrize(
-    'make', [Path.mkdir, Path.touch, lambda path: path.symlink_to('/dev/null')]
+    'make',
+    [
+        Path.mkdir,
+        lambda path: path.write_bytes(PACKETS[0]),
+        lambda path: path.symlink_to('/dev/null'),
+    ],
 )
 def test_what_is_no_port_is_refused_in_one_line(
     link: Path, read: Read, make: Callable[[Path], None]
