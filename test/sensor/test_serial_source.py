@@ -5,6 +5,7 @@
 import errno
 import os
 import re
+import stat
 import termios
 import time
 from collections.abc import Callable, Iterator
@@ -26,6 +27,7 @@ from retrolidar_ros.sensor.serial_source import SerialSource, explain
 from retrolidar_ros.sensor.wire import FrameReader, WireCounts, encode_frame
 
 PACKETS = [encode_frame(frame) for frame in Simulation(Scene(surfaces=(Surface(1, 9),))).advance(9)]
+
 
 Read = Callable[[], Reading]
 Patch = pytest.MonkeyPatch
@@ -128,18 +130,14 @@ def test_a_port_in_use_is_explained_and_opened_when_it_is_free(link: Path, read:
     assert explain(caught.value, 'p') == 'p is in use by another program'
 
 
-@pytest.mark.parametrize(
-    'make',
-    [
-        Path.mkdir,
-        lambda path: path.write_bytes(PACKETS[0]),
-        lambda path: path.symlink_to('/dev/null'),
-    ],
-)
-def test_what_is_no_port_is_refused_in_one_line(
-    link: Path, read: Read, make: Callable[[Path], None]
-) -> None:
-    make(link)
+@pytest.mark.parametrize('kind', [stat.S_IFREG, stat.S_IFDIR, stat.S_IFCHR])
+def test_what_is_no_port_is_refused_in_one_line(link: Path, read: Read, kind: int) -> None:
+    if kind == stat.S_IFDIR:
+        link.mkdir()
+    elif kind == stat.S_IFREG:
+        link.write_bytes(PACKETS[0])
+    else:
+        link.symlink_to('/dev/null')
     reading = read()
     assert reading.report() == f'{link} is not a serial port; retrying'
     assert reading.frames.empty()
