@@ -50,6 +50,8 @@ def test_it_sends_the_pose_of_the_sensor_and_a_description(tmp_path: Path) -> No
             return np.allclose(at_m, IN_BASE @ second_m)
 
         system.wait(lambda: system.node.count_publishers('/tf') > 0, 'the arm')
+        # An answer shows that it knows what hears it: the client of the service is newer.
+        system.services.names('/arm_alone/emulated_arm')
         with Sensor(SCENE, system.port):
             system.wait(lambda: bool(description), 'a robot description')
             system.wait(is_there, 'the second place')
