@@ -39,7 +39,6 @@ def test_a_bag_without_markers_is_an_exit_code_of_its_own(tmp_path: Path, capsys
 
 FAINT = {**MARKER, 'position': ['0.29 m', '0.29 m', '2.8 m']}
 NEAR = {**MARKER, 'position': ['0.03 m', '0.03 m', '0.25 m'], 'contrast': '90 %'}
-ONLY_NEAR: dict[str, Any] = {'markers': [NEAR], 'surfaces': []}
 LOUD = {'floor': '74 (kcps/SPAD)^2', 'slope': '3.5 kcps/SPAD'}
 NEIGHBOUR = {'ambient': '30 kcps/SPAD', 'period': '33 ms', 'lasting': '11 ms'}
 HAND = {
@@ -58,11 +57,20 @@ HAND = {
     [
         ({'sensor': {**SENSOR, 'period': '33.3 ms'}, 'markers': [FAINT]}, 'two are read farther'),
         ({'markers': [{**MARKER, 'contrast': '1 %'}]}, 'check polarisers and voltage'),
-        ({'sensor': {**SENSOR, 'saturation': '40 kcps/SPAD'}, **ONLY_NEAR}, 'saturates the sensor'),
+        (
+            {'sensor': {**SENSOR, 'saturation': '40 kcps/SPAD'}, 'markers': [NEAR], 'surfaces': []},
+            'farther away if so much light saturates the sensor',
+        ),
         ({'sensor': {**SENSOR, 'abnormal': '70 %'}}, 'shade it from the sun, clean the window'),
-        ({'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]}, '`retrolidar calibrate BAG`'),
+        (
+            {'sensor': {**SENSOR, 'noise': LOUD}, 'markers': [FAINT]},
+            'run `retrolidar calibrate BAG`',
+        ),
         ({'sensor': {**SENSOR, 'crosstalk': '900 kcps/SPAD'}}, 'such as a cover glass'),
-        ({'sensor': {**SENSOR, 'second_sensor': NEIGHBOUR}, 'markers': []}, 'another sensor'),
+        (
+            {'sensor': {**SENSOR, 'second_sensor': NEIGHBOUR}, 'markers': []},
+            'another sensor shines into the view',
+        ),
         ({'markers': [], 'moving_surfaces': [HAND]}, 'without a bit clock: something moves'),
     ],
 )
@@ -119,7 +127,10 @@ def test_a_marker_that_is_read_too_seldom_is_named(tmp_path: Path, capsys: Outpu
         ('/**/detector: {ros__parameters: [1]}', 'ros__parameters are no names with values'),
         ('/**/detector: {ros__parameters: {1: 2}}', '1: no such parameter'),
         ('/**/driver: {ros__parameters: {}}', 'no section is for a detector; call it /**/detector'),
-        ('/**/detecter: {ros__parameters: {}}', 'detecter is none of these nodes; did you mean'),
+        (
+            '/**/detecter: {ros__parameters: {}}',
+            '/**/detecter is none of these nodes; did you mean detector',
+        ),
         (
             '{/a/detector: {ros__parameters: {}}, /b/detector: {ros__parameters: {}}}',
             '/a/detector, /b/detector are of several nodes; leave one of them',

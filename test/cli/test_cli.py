@@ -110,7 +110,10 @@ def test_a_damaged_bag_is_used_up_to_the_damage(bag: Path, tmp_path: Path, capsy
         # Before a long calibration.
         ('calibrate nowhere -o pyproject.toml', r'pyproject\.toml is a file; name a directory'),
         ('emulate nowhere', '.*no scene nowhere'),
-        ('emulate coffee', 'emulate needs --port-link PATH or --bag DIR.* emulate --help'),
+        (
+            'emulate coffee',
+            'emulate needs --port-link PATH or --bag DIR.* emulate --help',
+        ),
         ('emulate nowhere --port-link port', '.*no scene nowhere; .* coffee, drone, range'),
         ('ids --count 4095', '4095 IDs cannot be chosen'),
         ('budget --size 1m', "--size: '1m' is impossible"),  # larger than a zone
@@ -133,8 +136,14 @@ def test_unusable_input_is_a_line(bag: Path, arguments: str, message: str, capsy
         ('emulate coffee --bag bag --duration nan', "'nan' is"),
         ('plot bag -o no/such/x.png', 'there is no directory no/such; make it first'),
         ('watch port --bit-period 11', '11.0 is not within'),
-        ('watch port --duration 0.1 --baud=-5', '--baud: serial_baud: -5 is not within 9600'),
-        ('record port -o bag --duration 0.1 --baud 12000001', '12000001 is not within'),
+        (
+            'watch port --duration 0.1 --baud=-5',
+            '--baud: serial_baud: -5 is not within 9600 to 12000000',
+        ),
+        (
+            'record port -o bag --duration 0.1 --baud 12000001',
+            '12000001 is not within 9600 to 12000000',
+        ),
         ('watch port --duration 0.1 --baud fast', '--baud: fast is no INTEGER'),
         ('emulate coffee --seed=-1', '--seed: -1 is impossible; 0 to 9223372036854775807'),
         ('emulate coffee --seed 1.5', "--seed: '1.5' is not a whole number"),
