@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from retrolidar_ros.bag import FRAMES_TOPIC, STORAGES
-from retrolidar_ros.detector.parameters import READING, defaults
-from retrolidar_ros.settings.parameter import declared, load_parameters
+from retrolidar_ros.detector.parameters import READING, defaults, load_parameters
+from retrolidar_ros.settings.parameter import declared
 from retrolidar_ros.settings.printing import printable
 from retrolidar_ros.settings.section import ConfigError, integer, quantity
 from retrolidar_ros.settings.section import Parser as Parse

@@ -13,7 +13,8 @@ from retrolidar_ros.detector.methods import Detector, create_detector
 from retrolidar_ros.marker.known_markers import KnownMarker, load_markers
 from retrolidar_ros.sensor.frame import ZoneGrid
 from retrolidar_ros.sensor.model import VL53L8CX, NoiseLaw
-from retrolidar_ros.settings.parameter import declared
+from retrolidar_ros.settings.parameter import declared, only_values
+from retrolidar_ros.settings.section import suggestion
 
 READING = (
     *('method', 'bit_period', 'false_ids_per_hour', 'max_packets', 'marker_file'),
@@ -27,6 +28,17 @@ READING = (
 def defaults() -> dict[str, Any]:
     """Return all parameters of the detector node as they are shipped."""
     return {name: one.default for name, one in declared()['detector'].items()}
+
+
+def load_parameters(path: Path) -> dict[str, Any]:
+    """Return what a parameter file says of the detector; OSError or ValueError if it is wrong."""
+    found = only_values(path, 'detector')
+    known = declared()['detector']
+    for name, value in found.items():
+        if name not in known:
+            raise ValueError(f'{path}: {name}: no such parameter; {suggestion(name, known)}')
+        found[name] = known[name].check(f'{path}: {name}', value)
+    return found
 
 
 def known_markers(values: Mapping[str, Any]) -> dict[int, KnownMarker]:

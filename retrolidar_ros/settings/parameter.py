@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from retrolidar_ros.settings.files import load_yaml, shared_file
-from retrolidar_ros.settings.section import suggestion
 
 _OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 _WILDCARDS = {'*': r'/\w+', '**': r'(/\w+)*'}
@@ -147,24 +146,18 @@ def file_values(path: Path, kind: str, node: str) -> dict[str, Any]:
     return _values({name: sections[name] for name in sections if _is_of(name, node)}, kind)
 
 
-def load_parameters(path: Path) -> dict[str, Any]:
-    """Return likewise what a file says of the only detector, checked; ValueError if it is wrong."""
+def only_values(path: Path, kind: str) -> dict[str, Any]:
+    """Return likewise what a file says of the only node of a kind; ValueError if there is none."""
     sections = file_sections(path)
-    own = {name: sections[name] for name in sections if _last(name) in ('detector', *_WILDCARDS)}
-    if not any(_last(name) == 'detector' for name in own) and (hints := misspelled(sections)):
+    own = {name: sections[name] for name in sections if _last(name) in (kind, *_WILDCARDS)}
+    if not any(_last(name) == kind for name in own) and (hints := misspelled(sections)):
         raise ValueError(f'{path}: {hints[0]}')
     if not own:
-        raise ValueError(f'{path}: no section is for a detector; call it /**/detector')
-    of_some = [name for name in own if name not in ('/**', '/**/detector')]
+        raise ValueError(f'{path}: no section is for a {kind}; call it /**/{kind}')
+    of_some = [name for name in own if name not in ('/**', f'/**/{kind}')]
     if len(of_some) > 1:
         raise ValueError(f'{path}: {", ".join(of_some)} are of several nodes; leave one of them')
-    known = declared()['detector']
-    found = _values(own, 'detector')
-    for name, value in found.items():
-        if name not in known:
-            raise ValueError(f'{path}: {name}: no such parameter; {suggestion(name, known)}')
-        found[name] = known[name].check(f'{path}: {name}', value)
-    return found
+    return _values(own, kind)
 
 
 def _last(section: str) -> str:

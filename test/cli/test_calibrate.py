@@ -12,9 +12,9 @@ import yaml
 pytest.importorskip('rosbags', reason='bags are written with rosbags')
 
 from retrolidar_ros.cli.main import main
+from retrolidar_ros.detector.parameters import load_parameters
 from retrolidar_ros.scene import parse_scene
 from retrolidar_ros.scene.emulator import record
-from retrolidar_ros.settings.parameter import load_parameters
 
 Output = pytest.CaptureFixture[str]
 NOISE = {'floor': '4.6 (kcps/SPAD)^2', 'slope': '0.22 kcps/SPAD'}
