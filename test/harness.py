@@ -40,6 +40,8 @@ class Sensor:
         self.damaged: set[int] = set()
         self.corrupt_share = 0.0
         """Share of packets of which the last byte before the delimiter is another one."""
+        self.lost_share = 0.0
+        """Share of frames that the sensor does not send."""
         self._first: Frame | None = None
         """Whose sequence and time are zero since the sensor last started."""
         self._scene = scene
@@ -89,6 +91,8 @@ class Sensor:
         for simulated, middle_ns in frames:
             if self._stop.is_set():
                 return
+            if self._rng.random() < self.lost_share:
+                continue
             frame = self._since_start(simulated)
             data = bytearray(encode_frame(frame))
             # Recorded before it is sent: who receives it may look it up at once.

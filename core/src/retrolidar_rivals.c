@@ -100,7 +100,7 @@ static void find_rival(const struct rl_case *judged, int begin, bool repeats,
     }
 }
 
-/* Find packets that repeat in a window, or lone ones if it is of one packet. */
+/* Find packets that repeat and, in a window of one packet, lone ones. */
 static struct rivals find_rivals(const struct rl_case *judged)
 {
     struct rivals rivals = {.count = 0};

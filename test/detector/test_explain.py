@@ -85,6 +85,7 @@ def test_a_near_trial_that_reads_advises_no_bit_period_that_is_set(
     (finding,) = Explanation(recording, settings).findings()
     assert finding.cause is Cause.FEW_READ
     assert finding.values == {'ids': '2816', 'read': 0, 'sent': 15}
+    assert 'ID 2816 was read in 0 packets of 15' in str(finding)
 
 
 def test_one_packet_tells_its_bit_period_too() -> None:
@@ -101,7 +102,11 @@ def causes(recording: Recording, **changes: Any) -> list[Cause]:
 def test_a_silent_marker_may_be_asleep() -> None:
     (asleep,) = explained(seen(marker(start_s=1e3)))
     assert (asleep.cause, asleep.values) == (Cause.STEADY, {'zone': 10})
-    assert causes(seen(wall=20.0)) == [Cause.NO_BLINKING]
+    assert 'zone 10 is by far the brightest, and steady' in str(asleep)
+    assert 'wake it with light' in str(asleep)
+    (nothing,) = explained(seen(wall=20.0))
+    assert nothing.cause is Cause.NO_BLINKING
+    assert 'asleep: wake it with light' in str(nothing)
 
 
 def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
@@ -109,6 +114,7 @@ def test_markers_that_hide_each_other_are_told_of_registered_ids() -> None:
     four = [marker(id=key, start_s=0.042 * n) for n, key in enumerate((2816, 2073, 2107, 2096))]
     (hidden,) = explained(seen(*four, seconds=10.0))
     assert hidden.cause is Cause.NO_ID
+    assert 'Several markers in the zone? Set registered_ids' in str(hidden)
     assert re.fullmatch(r'42\.0, .* and \d+ more', hidden.values['tried'])
     two = seen(marker(), marker(id=2073))
     assert explained(two, registered_ids=[2816, 2073]) == []
@@ -125,6 +131,7 @@ def test_a_faint_marker_is_told_of_max_packets() -> None:
     faint = seen(marker(3.1), seed=3)
     (advice,) = explained(faint, max_packets=1)
     assert (advice.cause, advice.values['ids']) == (Cause.MAX_PACKETS, '2816')
+    assert '2816 is read with max_packets 8' in str(advice)
     assert Cause.MAX_PACKETS not in causes(faint)
 
 
@@ -149,7 +156,9 @@ def test_noise_is_not_told_from_the_marker_s_zone_alone() -> None:
 def test_stamps_that_stand_still_are_told() -> None:
     judging = decoding()
     assert not list(judging.detect(replace(one, stamp_ns=0) for one in seen(marker(), seconds=4)))
-    assert [one.cause for one in judging.explanation().findings()] == [Cause.STAMPS]
+    (found,) = judging.explanation().findings()
+    assert found.cause is Cause.STAMPS
+    assert 'stand still' in str(found)
 
 
 @pytest.mark.parametrize(

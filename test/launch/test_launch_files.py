@@ -212,6 +212,14 @@ def check_arm(observer, node):
         assert squared(came[-1], truth[name]) < MAX_MAHALANOBIS, name
 
 
+def check_landmarks(observer):
+    """Driver and detector wait for a sensor, so nothing is placed."""
+    wait_for_nodes(observer)
+    success, message = observer.services.trigger('landmarks/save')
+    assert not success
+    assert 'nothing is placed' in message
+
+
 def check_arm_of_landmarks(observer):
     check_arm(observer, 'landmarks')
     assert observer.services.trigger('landmarks/save')[0]
@@ -269,6 +277,11 @@ CASES = {
         },
         check_two_sensors,
     ),
+    'landmarks': (
+        'landmarks',
+        {'save_file': str(SAVED), 'serial_port': str(PORTS / 'none')},
+        check_landmarks,
+    ),
     'hall': (
         'hall',
         {
@@ -298,7 +311,7 @@ CASES = {
 
 GROUPS = {
     'plugged_sensor': ['sensor'],
-    'one_sensor': ['drone', 'emulated'],
+    'one_sensor': ['drone', 'landmarks', 'emulated'],
     'objects': ['coffee', 'two_sensors'],
     'robots': [*ROBOTS],
     'arms': ['arm', 'arm_of_coffee'],  # which reach their goals by themselves

@@ -225,10 +225,26 @@ def test_damaged_bytes_cost_their_own_packets_only(system: System, sensor: Senso
     count = len(sensor.damaged)
     system.wait(lambda: errors() - before == count, 'the damage to be counted')
     assert system.number(DRIVER, 'lost frames') - lost >= count
-    sensor.corrupt_share = 0.5
-    system.read_all()  # more packets are needed, but all markers are still read
+    sensor.corrupt_share = 0.3
+    system.read_all()
     sensor.corrupt_share = 0.0
     system.wait_for_status(DRIVER, OK, 'frames a second')
+
+
+def test_half_of_the_frames_lost_are_counted_and_cost_time(system: System, sensor: Sensor) -> None:
+    lost = system.number(DRIVER, 'lost frames')
+    first = sequences(system)[-1] + 1
+    sensor.lost_share = 0.5
+    system.read_all()  # more packets are needed, but all markers are still read
+    system.wait(lambda: sequences(system)[-1] > first + 150, 'frames')
+    sensor.lost_share = 0.0
+    last = max(sensor.middle_ns) + 5
+    system.wait(lambda: sequences(system)[-1] > last, 'frames')
+    expect_all(system, sensor, first)
+    came = [one for one in sequences(system) if one >= first]
+    gone = came[-1] - first + 1 - len(came)
+    assert gone > 40
+    assert system.number(DRIVER, 'lost frames') - lost >= gone
 
 
 def test_a_subscriber_that_never_reads_costs_no_frames(system: System, sensor: Sensor) -> None:
