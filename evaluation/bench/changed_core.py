@@ -22,6 +22,7 @@ from cffi import FFI
 _ROOT = Path(__file__).resolve().parents[2]
 _MODULE = 'retrolidar_ros._core'
 _OBJECTS = Path(gettempdir()) / 'retrolidar_core_objects'
+_CHANGE = re.compile(r'\{([^{]*?) => (.*?)\}', re.DOTALL)
 
 
 class Part(NamedTuple):
@@ -35,6 +36,15 @@ class Part(NamedTuple):
     def source(self) -> str:
         """The name of its file in core/src: of a header it has a suffix, of C code none."""
         return f'retrolidar_{self.file}' + ('' if '.' in self.file else '.c')
+
+
+def parts_of(table: Mapping[str, str]) -> dict[str, Part]:
+    """Return parts of entries `file: line`, in which `{what works => what stands there then}`."""
+    found = {}
+    for name, entry in table.items():
+        file, line = entry.split(': ', 1)
+        found[name] = Part(file, *(_CHANGE.sub(side, line) for side in (r'\1', r'\2')))
+    return found
 
 
 def check_changes(changes: Mapping[str, Sequence[Part]]) -> None:
