@@ -9,7 +9,7 @@ import numpy as np
 
 from evaluation.bench.judging import Step, watch
 from evaluation.bench.places import median_mm, rms_mm
-from evaluation.bench.recordings import Sent, record, record_at
+from evaluation.bench.recordings import Sent, record, record_at, standing
 from evaluation.bench.stresses import PLAIN
 from retrolidar_ros.detector.likelihood_detector import LikelihoodDetector
 from retrolidar_ros.detector.methods import create_detector
@@ -17,7 +17,7 @@ from retrolidar_ros.marker.dictionary import USABLE_IDS
 from retrolidar_ros.scene import Scene, Simulation
 from retrolidar_ros.scene.description import Marker, Surface
 from retrolidar_ros.scene.reference import RESPONSE, SENSOR, WALL_SIGNAL
-from retrolidar_ros.sensor.frame import Floats, Recording, ZoneGrid
+from retrolidar_ros.sensor.frame import Recording, ZoneGrid
 
 
 def play(recording: Recording) -> tuple[LikelihoodDetector, list[Step]]:
@@ -123,10 +123,7 @@ def dropped_s(range_m: float, rng: np.random.Generator, *, end: str) -> float | 
 
     None if it was not followed.
     """
-    lasting_s, place_m = _KNOWN_S + _AFTER_S, range_m * SENSOR.grid.directions[_ZONE]
-
-    def path(time_s: Floats) -> Floats:
-        return np.tile(place_m, (len(time_s), 1))
+    lasting_s, path = _KNOWN_S + _AFTER_S, standing(range_m * SENSOR.grid.directions[_ZONE])
 
     def sent() -> Sent:
         return record_at(range_m, rng, path=path, repeated_s=lasting_s)

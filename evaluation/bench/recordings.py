@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from evaluation.bench.stresses import PLAIN, Stress
 from retrolidar_ros.marker.code import BIT_PERIOD_S, PACKET_BITS, packet
@@ -101,6 +101,11 @@ def to_and_fro(distance: Floats, half: float) -> Floats:
     """Return places to and fro between -half and half, after some distance."""
     turned: Floats = half - np.abs(distance % (4 * half) - 2 * half)
     return turned
+
+
+def standing(place_m: ArrayLike) -> Path:
+    """Return the path of a marker that stays at a place [m], shape (3,)."""
+    return lambda time_s: np.tile(place_m, (len(time_s), 1))
 
 
 class _Zones(Simulation):

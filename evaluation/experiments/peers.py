@@ -14,8 +14,7 @@ from evaluation.bench.rates import nearest
 from evaluation.bench.recordings import Sent, record_at, rng_at
 from evaluation.experiments import paper_sweeps
 from evaluation.experiments.moving import across
-from evaluation.experiments.paper_sweeps import turned
-from evaluation.experiments.sweeps import ends_of
+from evaluation.experiments.paper_sweeps import ends_of
 from evaluation.peers import visual_markers
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, APRILTAG_FINE, QR, View
@@ -42,7 +41,11 @@ _SPEEDS_M_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.8, 1.0, 1.2, 1.8)
 _LUXES = (300.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
 _VEILS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
 
-_yawed, _small = partial(turned, range_m=AT_M), partial(record_at, size_m=0.01)
+_small = partial(record_at, size_m=0.01)
+
+
+def _yawed(yaw_deg: float, rng: np.random.Generator) -> Sent:
+    return record_at(AT_M, rng, yaw_deg=yaw_deg)
 
 
 def _moved(speed_m_s: float, rng: np.random.Generator) -> Sent:

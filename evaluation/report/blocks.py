@@ -15,8 +15,8 @@ from evaluation.experiments import (
     tracks,
 )
 from evaluation.experiments.moving import WAYS
+from evaluation.experiments.paper_sweeps import end_of
 from evaluation.experiments.registry import EXPERIMENTS
-from evaluation.experiments.sweeps import end_of
 from evaluation.experiments.time_to_id import REGISTERED
 from evaluation.peers.camera import PICTURES_HZ
 from evaluation.peers.visual_markers import APRILTAG
