@@ -3,7 +3,7 @@
 """What the imported core reads, scene by scene, and its processor time for a frame."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluation.bench import room_families as families
 from evaluation.bench.changed_core import lines_of_core
-from evaluation.bench.disturbances import FAMILY
+from evaluation.bench.disturbances import FAMILY, Member
 from evaluation.bench.judging import judged
 from evaluation.bench.places import ELLIPSOID
 from evaluation.bench.recordings import record
@@ -24,8 +24,10 @@ from retrolidar_ros.marker.code import PACKET_S
 from retrolidar_ros.sensor.frame import ZoneGrid
 
 MIN_DB = 6.0  # of the packets that are counted: fainter ones are hardly read by any core
-LAX_BUDGET = 1e5  # false IDs [1/h] without a marker: parts differ sooner where there are many
-LAX_BUDGET_OF_ROOMS = 10.0  # there are some ten times as many wrong IDs, and hardly more are read
+# Without a marker, parts differ sooner where there are many false IDs [1/h].
+LAX: dict[str, Any] = {'false_ids_per_hour': 1e5}
+# In rooms there are some ten times as many wrong IDs so, and hardly more are read.
+LAX_OF_ROOMS = {'false_ids_per_hour': 10.0}
 _ROOMS, _PAIRS, _CROSSING, _APPEARING, _FAINT, _STRETCHES = 200, 6, 3, 8, 4, 4
 _SENDINGS = [('repeating', 'repeating'), ('repeating', 'sequence'), ('sequence', 'sequence')]
 _RATIOS = (1.0, 0.7, 0.5, 0.35, 0.25)  # of the light of two markers in a zone
@@ -68,7 +70,12 @@ def _placed(result: RoomResult) -> dict[str, Outcome]:
     return {name: Outcome(-float(np.mean(off or 0.0)), 1, 0) for name, off in errors.items()}
 
 
-def _appearing(registered: int | None, signal: float, rng: np.random.Generator) -> Outcome:
+def _room(make: Callable[[np.random.Generator], Room], rng: np.random.Generator) -> RoomResult:
+    return play_room(0, make(rng), rng, **LAX_OF_ROOMS)
+
+
+def _appearing(kind: tuple[int | None, float], rng: np.random.Generator) -> Outcome:
+    registered, signal = kind
     first_s, wrong = families.first_id_s(families.appearing(signal, rng), registered, rng)
     return Outcome(-min(first_s, _WATCHED_S), _WATCHED_S, wrong)
 
@@ -81,66 +88,45 @@ def _faint(lone: bool, rng: np.random.Generator) -> list[Outcome]:
     return [Outcome(int(right), 1, int(wrong)) for right, wrong in zip(*one[:2], strict=True)]
 
 
+def _silent(member: Member, rng: np.random.Generator) -> Outcome:
+    budget = {} if member.blinks else LAX
+    (block,) = member.blocks(_STRETCH_S, rng)
+    return Outcome(0, 0, len(create_detector('joint', ZoneGrid(), **budget).update_all(block)))
+
+
 def measure(seed: int, times: float) -> dict[str, Any]:
     """Return outcomes by family, `times` the usual number of scenes, and lines of the core."""
 
-    def rngs(first: int, count: int, member: int = 0) -> Iterator[np.random.Generator]:
-        """Yield a generator for each scene of a member of a family, the same for every core.
+    def scenes(first: int, count: int, members: Iterable[Any], run: Callable[..., Any]) -> Any:
+        """Run scenes of each member of a family, each from a generator that every core gets.
 
         Where there is less than one scene for a member, some members have none.
         """
         share = count * times
-        for number in range(math.ceil((member + 1) * share) - math.ceil(member * share)):
-            yield np.random.default_rng([seed, first + member, number])
-
-    def rooms(
-        first: int, count: int, makes: Sequence[Callable[[np.random.Generator], Room]]
-    ) -> list[RoomResult]:
         return [
-            play_room(0, make(rng), rng, false_ids_per_hour=LAX_BUDGET_OF_ROOMS)
-            for index, make in enumerate(makes)
-            for rng in rngs(first, count, index)
+            run(member, np.random.default_rng([seed, first + index, number]))
+            for index, member in enumerate(members)
+            for number in range(math.ceil((index + 1) * share) - math.ceil(index * share))
         ]
 
-    silent = []
-    for index, member in enumerate(one for one in FAMILY if one.name in _DISTURBANCES):
-        budget: dict[str, Any] = {} if member.blinks else {'false_ids_per_hour': LAX_BUDGET}
-        for rng in rngs(60, _STRETCHES, index):
-            detector = create_detector('joint', ZoneGrid(), **budget)
-            (block,) = member.blocks(_STRETCH_S, rng)
-            silent.append(Outcome(0, 0, len(detector.update_all(block))))
-    played = [
-        play(number, seed, false_ids_per_hour=LAX_BUDGET_OF_ROOMS)
-        for number in range(math.ceil(_ROOMS * times))
+    silent = [one for one in FAMILY if one.name in _DISTURBANCES]
+    two = [
+        partial(families.pair, ratio, kind, woken=index % 2 == 1)
+        for index, (kind, ratio) in enumerate(product(_SENDINGS, _RATIOS))
     ]
-    kinds = product(_SENDINGS, _RATIOS)
-    pairs = rooms(
-        10,
-        _PAIRS,
-        [
-            partial(families.pair, ratio, kind, woken=index % 2 == 1)
-            for index, (kind, ratio) in enumerate(kinds)
-        ],
-    )
     speeds = [partial(families.crossing, speed, 20.0) for speed in _SPEEDS_M_S]
+    played = [play(number, seed, **LAX_OF_ROOMS) for number in range(math.ceil(_ROOMS * times))]
+    pairs = scenes(10, _PAIRS, two, _room)
     places = [_placed(result) for result in (*played, *pairs)]
+    kinds, faint = product(_REGISTERED, _SIGNALS), scenes(2, _FAINT, (True, False), _faint)
     return {
         'rooms': [_outcome(result) for result in played],
         'pairs': [_outcome(result) for result in pairs],
-        'crossing': [_outcome(result) for result in rooms(30, _CROSSING, speeds)],
-        'appearing': [
-            _appearing(*kind, rng)
-            for index, kind in enumerate(product(_REGISTERED, _SIGNALS))
-            for rng in rngs(40, _APPEARING, index)
-        ],
-        'faint': [
-            outcome
-            for index, lone in enumerate((True, False))
-            for rng in rngs(2, _FAINT, index)
-            for outcome in _faint(lone, rng)
-        ],
+        'crossing': [_outcome(result) for result in scenes(30, _CROSSING, speeds, _room)],
+        'appearing': scenes(40, _APPEARING, kinds, _appearing),
+        'faint': [outcome for sixteen in faint for outcome in sixteen],
         **{name: [room[name] for room in places] for name in places[0]},
-        'no marker': silent,
+        'no marker': scenes(60, _STRETCHES, silent, _silent),
         'lines': lines_of_core(),
     }
 

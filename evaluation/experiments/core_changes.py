@@ -50,16 +50,6 @@ _HEADS = {
 }
 
 
-_Times = Callable[[int, int], list[float]]  # of a frame in some rooms, by a seed and their number
-
-
-def _time_less(frame_times_us: _Times, changes: Sequence[Part], seed: int, rooms: int) -> float:
-    """Return how much less time a frame takes with changes, one run right after the other [%]."""
-    before, after = (call_with(one, frame_times_us, seed, rooms) for one in ((), changes))
-    # Each room counts alike, so that one that was interrupted does not decide.
-    return round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
-
-
 def _change(lost: Sequence[float]) -> dict[str, float]:
     """Return the sum of what scenes lose, and that over its standard deviation by chance.
 
@@ -80,7 +70,7 @@ def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     both = {name: [*zip(whole[name], other[name], strict=True)] for name in _scenes_of(whole)}
     marked = []
-    for name in both.keys() & FAMILIES:
+    for name in (one for one in FAMILIES if one in both):
         row[name] = _change([before[0] - after[0] for before, after in both[name]])
         marked += both[name]
     counted = {_FALSE: both[_FALSE]} if _FALSE in both else {}
@@ -91,11 +81,6 @@ def _against(whole: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
         row[name] = _change([after[2] - before[2] for before, after in scenes])
     row['lines'] = whole['lines'] - other['lines']
     return row
-
-
-def _surest(name: str) -> str:
-    """Return the name of the change by which one counts: wrong IDs all together."""
-    return _IDS if name in (_WRONG, _NO_MARKER) else name
 
 
 class Row(NamedTuple):
@@ -125,21 +110,13 @@ def _rows(figures: dict[str, Any]) -> list[Row]:
         # In a few scenes there may be no error, of which nothing is a share.
         return float(100 * row[name]['lost'] / (abs(of) or math.inf))
 
-    return [
-        Row(
-            row['off'],
-            {name: percent(row, name) for name in _HEADS if name in row},
-            {name: row[_surest(name)]['sigmas'] for name in _HEADS if name in row},
-            row.get('time', 0.0),
-            row['lines'],
-        )
-        for row in figures['rows']
-    ]
-
-
-def _rank(one: Row) -> tuple[bool, float]:
-    """Return what sorts what loses first, and most surely."""
-    return not one.loses, -max(one.sigmas.values())
+    rows = []
+    for row in figures['rows']:
+        lost = {name: percent(row, name) for name in _HEADS if name in row}
+        sure = {name: _IDS if name in (_WRONG, _NO_MARKER) else name for name in lost}
+        sigmas = {name: row[one]['sigmas'] for name, one in sure.items()}
+        rows.append(Row(row['off'], lost, sigmas, row.get('time', 0.0), row['lines']))
+    return rows
 
 
 def _text(name: str, value: float) -> str:
@@ -159,10 +136,8 @@ def _draw_cells(axis: Any, rows: Sequence[Row]) -> None:
                 colour, weight = 'black', 'bold'
                 worse = SHADES[1] if name in FAMILIES else WRONG_COLOUR
                 alpha = 0.15 + 0.45 * min(abs(value) / _WORST, 1)
-                shade = worse if sigmas > 0 else '0.5'
-                axis.fill_between(
-                    [x - 0.5, x + 0.5], y - 0.5, y + 0.5, color=shade, alpha=alpha, linewidth=0
-                )
+                shade = {'color': worse if sigmas > 0 else '0.5', 'alpha': alpha, 'linewidth': 0}
+                axis.fill_between([x - 0.5, x + 0.5], y - 0.5, y + 0.5, **shade)
             axis.text(x, y, _text(name, value), color=colour, fontweight=weight, **_CENTRED)
 
 
@@ -190,7 +165,8 @@ class CoreChanges:
     message: Callable[[Sequence[Row]], str]  # the title of the chart
     measure: Callable[[int, float], dict[str, Any]] = core_trial.measure
     """Returns outcomes by a seed, and the share of the usual scenes."""
-    frame_times_us: _Times | None = None
+    frame_times_us: Callable[[int, int], list[float]] | None = None
+    """Returns times of a frame in some rooms, by a seed and their number."""
     of_parts: bool = False  # those that surely lose come first, with the time and lines they save
 
     def run(self, rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
@@ -217,9 +193,12 @@ class CoreChanges:
         ]
         sums = {name: np.sum(whole[name], axis=0).tolist() for name in _scenes_of(whole)}
         figures: dict[str, Any] = {'whole': sums, 'rows': rows}
-        if self.frame_times_us:
+        if timed := self.frame_times_us:
             for row in rows:
-                row['time'] = _time_less(self.frame_times_us, changes[row['off']], seed, rooms)
+                # One run right after the other; each room counts alike, should one be interrupted.
+                runs = ((), changes[row['off']])
+                before, after = (call_with(one, timed, seed, rooms) for one in runs)
+                row['time'] = round(100 * (1 - float(np.median(np.divide(after, before)))), 1)
         return figures
 
     def missing_table(self, figures: dict[str, Any]) -> Table:
@@ -233,34 +212,31 @@ class CoreChanges:
         # Of figures that are older than the core, without what it does not have any longer.
         present = self.changes()
         rows = [one for one in _rows(figures) if one.name in present]
+        names, timed = [*rows[0].lost], self.frame_times_us is not None
+        heads = [_HEADS[name] for name in names]
         if self.of_parts:
-            rows.sort(key=_rank)
-        names = [*rows[0].lost]
-        heads, timed = [_HEADS[name] for name in names], self.frame_times_us is not None
-        if self.of_parts:
+            rows.sort(key=lambda one: (not one.loses, -max(one.sigmas.values())))
             heads += ['lines\nof code', *['time\n[%]'] * timed]
         figure, (axis,) = new_chart(1, 1, 2.6 + 0.235 * len(rows), self.message(rows))
         axis.grid(visible=False)
         _draw_cells(axis, rows)
+        below = ''
         if self.of_parts:
             _draw_saved(axis, rows, timed=timed)
-        count = sum(one.loses for one in rows)
-        if self.of_parts and count:
-            axis.axhline(count - 0.5, color='black', linewidth=1)
+            if count := sum(one.loses for one in rows):
+                axis.axhline(count - 0.5, color='black', linewidth=1)
+            below = '\nThose below the line gain nothing that shows in these scenes.'
         for border in (sum(name in FAMILIES for name in names) - 0.5, len(names) - 0.5):
             axis.axvline(border, color='0.8', linewidth=0.8)
         axis.set(xlim=(-0.5, len(heads) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         axis.set_xticks(range(len(heads)), heads, fontsize=9, rotation=90)
         axis.set_yticks(range(len(rows)), [one.name for one in rows], fontsize=9)
         axis.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
-        below = '\nThose below the line gain nothing that shows in these scenes.'
-        figure.supxlabel(
+        words = (
             f'What changes {self.change} it: lost, time or error more [%]; IDs or frames more.\n'
             f'Bold: beyond {SIGMAS:g}\N{GREEK SMALL LETTER SIGMA} of chance; on grey: better so.'
-            + below
-            * self.of_parts,
-            fontsize=10,
         )
+        figure.supxlabel(words + below, fontsize=10)
         return figure
 
 
