@@ -7,15 +7,8 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.judging import watch
-from evaluation.report.chart_style import (
-    OTHERS,
-    draw_level,
-    label,
-    legend_below,
-    line,
-    look,
-    new_chart,
-)
+from evaluation.report import chart_style as charts
+from evaluation.report.chart_style import label, line, look
 from retrolidar_ros.detector import Detection, create_detector
 from retrolidar_ros.detector.detection import Reason
 from retrolidar_ros.marker.code import BIT_PERIOD_S, packet
@@ -35,10 +28,10 @@ _READ = 'read'
 _SIGNS = {
     _READ: ('o', look('joint')['color']),
     Reason.EVIDENCE.value: ('.', '0.5'),
-    Reason.NOT_A_WORD.value: ('x', OTHERS[0]),
-    Reason.MARGIN.value: ('^', OTHERS[1]),
-    Reason.INCOMPLETE.value: ('v', OTHERS[2]),
-    Reason.ERASED.value: ('d', OTHERS[3]),
+    Reason.NOT_A_WORD.value: ('x', charts.OTHERS[0]),
+    Reason.MARGIN.value: ('^', charts.OTHERS[1]),
+    Reason.INCOMPLETE.value: ('v', charts.OTHERS[2]),
+    Reason.ERASED.value: ('d', charts.OTHERS[3]),
 }
 
 
@@ -68,14 +61,10 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     detections: list[Detection] = []
     for step in watch(detector, recording):
         detections += step.detections
-        rows += [
-            {
-                'time_s': step.known_s,
-                'reason': _READ if one.reason is None else one.reason.value,
-                **{name: getattr(one, name) for name in ('id', 'evidence', 'word', 'margin')},
-            }
-            for one in detector.candidates
-        ]
+        for one in detector.candidates:
+            reason = _READ if one.reason is None else one.reason.value
+            values = {name: getattr(one, name) for name in ('id', 'evidence', 'word', 'margin')}
+            rows.append({'time_s': step.known_s, 'reason': reason, **values})
     detection = detections[0]
     return {
         'thresholds': detector.thresholds._asdict(),
@@ -93,11 +82,9 @@ def draw(figures: dict[str, Any]) -> Any:
     samples, highest = figures['samples'], max(figures['samples']['signal'])
     read = [row for row in candidates if row['reason'] == _READ]
     sent = min(len(figures['bits']), int((read[0]['time_s'] - samples['start_s']) / BIT_PERIOD_S))
-    title = (
-        f'Of {len(candidates)} candidates, {len(read)} passes all three tests, '
-        f'when {sent} of {len(figures["bits"])} bits have come'
-    )
-    figure, (top, below) = new_chart(2, 1, 6, title)
+    when = f'when {sent} of {len(figures["bits"])} bits have come'
+    title = f'Of {len(candidates)} candidates, {len(read)} passes all three tests, {when}'
+    figure, (top, below) = charts.new_chart(2, 1, 6, title)
     below.sharex(top)
     fitted = line('-', look('joint')['color'])
     top.plot(samples['time_s'], samples['signal'], '.', color='0.3')
@@ -122,8 +109,8 @@ def draw(figures: dict[str, Any]) -> Any:
         f'margin to other IDs: {read[0]["margin"]:.0f} (≥ {threshold["margin"]:.0f})'
     )
     below.text(0.02, 0.95, words, va='top', fontsize=10.5, transform=below.transAxes)
-    draw_level(below, threshold['evidence'], 'threshold', 0.1, linestyle='--')
+    charts.draw_level(below, threshold['evidence'], 'threshold', 0.1, linestyle='--')
     below.margins(y=0.15)
     label(below, 'time [s]', 'evidence [nats]')
-    legend_below(figure, (), others)
+    charts.legend_below(figure, (), others)
     return figure

@@ -14,15 +14,8 @@ import numpy as np
 from evaluation.bench import hand_trials as hand
 from evaluation.bench.places import PlaceError, median_mm
 from evaluation.peers.visual_markers import APRILTAG
-from evaluation.report.chart_style import (
-    OTHERS,
-    label,
-    legend_below,
-    legend_beside,
-    line,
-    look,
-    new_chart,
-)
+from evaluation.report import chart_style as charts
+from evaluation.report.chart_style import label, line, look
 from retrolidar_ros.scene import Scene
 from retrolidar_ros.scene.description import Marker, load_scene
 
@@ -115,9 +108,9 @@ def _message(figures: dict[str, Any]) -> str:
 
 def draw(figures: dict[str, Any]) -> Any:
     """Draw errors over the distance of the places, over their number, and beside those of tags."""
-    figure, (baseline, number, beside) = new_chart(3, 2, 7.4, _message(figures))
+    figure, (baseline, number, beside) = charts.new_chart(3, 2, 7.4, _message(figures))
     names = dict.fromkeys(row['object'] for row in figures['places'])
-    looks = {name: line('-', one) for name, one in zip(names, OTHERS, strict=False)}
+    looks = {name: line('-', one) for name, one in zip(names, charts.OTHERS, strict=False)}
     for name, how in looks.items():
         own = [row for row in figures['places'] if row['object'] == name]
         for axis, key, chosen in (
@@ -145,6 +138,6 @@ def draw(figures: dict[str, Any]) -> Any:
     for axis in (baseline, number):
         axis.axhline(10, **line('--', '0.4'), linewidth=1)
     number.set_xticks(range(1, len(hand.CORNERS) + 1))
-    legend_beside(beside)
-    legend_below(figure, (), looks | {'estimated deviation': line(':')})
+    charts.legend_beside(beside)
+    charts.legend_below(figure, (), looks | {'estimated deviation': line(':')})
     return figure

@@ -11,15 +11,8 @@ from evaluation.bench.judging import read_by_both
 from evaluation.bench.rates import rate
 from evaluation.bench.recordings import record_at
 from evaluation.bench.stresses import PLAIN
-from evaluation.report.chart_style import (
-    draw_level,
-    draw_shares,
-    label,
-    legend_below,
-    line,
-    look,
-    new_chart,
-)
+from evaluation.report import chart_style as charts
+from evaluation.report.chart_style import label, line, look
 from evaluation.report.claims import BOTH_CLAIMED, Claims, shares
 from retrolidar_ros.detector import METHODS
 from retrolidar_ros.marker.dictionary import USABLE_IDS
@@ -123,13 +116,13 @@ def draw(figures: dict[str, Any]) -> Any:
     two = [row['joint']['both']['rate'] for row in figures['two']]
     pair = f'both of two in one zone in {min(two):.0%} to {max(two):.0%}'
     title = f'Each of three markers is read in {three:.0%} of the trials, {pair}'
-    figure, (three, two) = new_chart(2, 2, 4.8, title)
+    figure, (three, two) = charts.new_chart(2, 2, 4.8, title)
     for offset, method in zip((-0.14, 0.14), METHODS, strict=True):
         how = look(method) | {'linestyle': '', 'markersize': 8}
         for index, row in enumerate(figures['three']):
             places = index + offset + np.linspace(-0.08, 0.08, 3)
             three.plot(places, [100 * one['rate'] for one in row[method]['read']], **how)
-    draw_level(three, 100 * PAPER_WORST, "the paper's worst", 0.7, linestyle='-.')
+    charts.draw_level(three, 100 * PAPER_WORST, "the paper's worst", 0.7, linestyle='-.')
     names = [row['arrangement'].replace(' ', '\n', 1) for row in figures['three']]
     title = 'three markers at 1 to 2 m, one packet'
     label(three, '', 'packets identified [%]', title, percent=True)
@@ -138,10 +131,10 @@ def draw(figures: dict[str, Any]) -> Any:
     for method in METHODS:
         for name, style in _PAIR.items():
             rates = [row[method][name] for row in figures['two']]
-            draw_shares(two, ratios, rates, linestyle=style, **look(method))
+            charts.draw_shares(two, ratios, rates, linestyle=style, **look(method))
     x = 'fainter signal over brighter one'
     y, title = f'read within {WATCHED_S:g} s [%]', 'two markers in one zone'
     label(two, x, y, title, percent=True, xscale='log', xticks=ratios)
     two.invert_xaxis()
-    legend_below(figure, METHODS, {name: line(style) for name, style in _PAIR.items()})
+    charts.legend_below(figure, METHODS, {name: line(style) for name, style in _PAIR.items()})
     return figure
