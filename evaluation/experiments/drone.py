@@ -77,13 +77,6 @@ def _watched(method: str, recording: Recording, marker: Marker) -> dict[str, Any
     }
 
 
-def _flown(speed_m_s: float, hidden: float, duration_s: float, rng: Any) -> dict[str, Any]:
-    scene = flight(speed_m_s, hidden)
-    recording = Simulation(scene, rng).run(duration_s)
-    watched = {method: _watched(method, recording, scene.markers[0]) for method in METHODS}
-    return {'speed_m_s': speed_m_s, 'hidden': hidden, **watched}
-
-
 def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     """Return heartbeats and errors over the speed, and over what the rotor hides."""
     duration_s, stride = (QUICK_DURATION_S, 3) if quick else (DURATION_S, 1)
@@ -91,9 +84,14 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         'faster': [(speed, _STILL_HIDDEN) for speed in _SPEEDS_M_S[::stride]],
         'darker': [(_STILL_M_S, hidden) for hidden in _HIDDEN[::stride]],
     }
-    return {
-        name: [_flown(*one, duration_s, rng) for one in flown] for name, flown in flights.items()
-    }
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in flights}
+    for name, flown in flights.items():
+        for speed_m_s, hidden in flown:
+            scene = flight(speed_m_s, hidden)
+            recording = Simulation(scene, rng).run(duration_s)
+            watched = {method: _watched(method, recording, scene.markers[0]) for method in METHODS}
+            found[name].append({'speed_m_s': speed_m_s, 'hidden': hidden, **watched})
+    return found
 
 
 def claims(figures: dict[str, Any]) -> Claims:
@@ -132,8 +130,7 @@ def draw(figures: dict[str, Any]) -> Any:
         read, follow, off = panels[column::2]
         for method in METHODS:
             draw_shares(read, places, [row[method]['alive'] for row in rows], **look(method))
-            off_mm = [row[method]['off_mm'] or np.nan for row in rows]
-            off.plot(places, off_mm, **look(method))
+            off.plot(places, [row[method]['off_mm'] for row in rows], **look(method))
         joint = [row['joint'] for row in rows]
         draw_shares(follow, places, [one['followed'] for one in joint], **look('tracks'))
         # Of the few frames where hardly any is followed, an error says nothing.
@@ -142,15 +139,9 @@ def draw(figures: dict[str, Any]) -> Any:
         ]
         off.plot(places, tracks_mm, **look('tracks'))
         read.axhline(100 * PAPER_RATE, **line('-.'), linewidth=1)
-        ys = (
-            f'windows of {WINDOW_S:g} s read [%]',
-            'frames followed [%]',
-            'error of place, median [mm]',
-        )
-        for axis, y in zip((read, follow), ys, strict=False):
-            label(axis, '', '' if column else y, percent=True)
-        label(off, x, '' if column else ys[-1], ylim=(0, None))
-    legend_below(
-        figure, (*METHODS, 'tracks'), {f"the paper's {100 * PAPER_RATE:.0f} %": line('-.')}
-    )
+        label(read, y='' if column else f'windows of {WINDOW_S:g} s read [%]', percent=True)
+        label(follow, y='' if column else 'frames followed [%]', percent=True)
+        label(off, x, '' if column else 'error of place, median [mm]', ylim=(0, None))
+    papers = {f"the paper's {100 * PAPER_RATE:.0f} %": line('-.')}
+    legend_below(figure, (*METHODS, 'tracks'), papers)
     return figure

@@ -102,7 +102,7 @@ def draw(figures: dict[str, Any]) -> Any:
     for kind in _KINDS:
         how = _LOOKS.get(kind) or look(kind)
         for key, style in (('median_mm', '-'), ('p95_mm', ':')):
-            axis.plot(places, [one[kind][key] or np.nan for one in figures['points']], style, **how)
+            axis.plot(places, [one[kind][key] for one in figures['points']], style, **how)
     axis.axhline(PAPER_MEDIAN_MM, **line('-.'), linewidth=1)
     label(axis, 'distance of a marker of 3 cm [m]', 'error of range [mm]', yscale='log')
     axis.yaxis.set_major_formatter('{x:g}')

@@ -71,13 +71,12 @@ def moving_errors(
 
 
 def _sum(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    def joined(name: str) -> list[float]:
-        return [value for one in runs for value in one[name]]
-
+    names = ('packets', 'bright', 'all', 'pull', 'squared')
+    joined = {name: [value for one in runs for value in one[name]] for name in names}
     return {
-        **{f'{name}_mm': rms_mm(joined(name)) for name in ('packets', 'bright', 'all')},
-        'pull': rms(joined('pull')),
-        'ellipsoid_holds': held(joined('squared')),
+        **{f'{name}_mm': rms_mm(joined[name]) for name in names[:3]},
+        'pull': rms(joined['pull']),
+        'ellipsoid_holds': held(joined['squared']),
         'updates_hz': float(np.mean([one['updates_hz'] for one in runs])),
     }
 
@@ -96,10 +95,12 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
     for begins, apart_m in itertools.product(SECONDS_S, _APART_M):
         two = [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
         shared.append({'apart_m': apart_m, 'begins': begins, **shared_figures(two)})
-    ends = [
-        _end(name, range_m, [dropped_s(range_m, rng, end=name) for _ in range(trials)])
-        for name, range_m in itertools.product(ENDS, RANGES_M)
-    ]
+    ends = []
+    for name, range_m in itertools.product(ENDS, RANGES_M):
+        times_s = [dropped_s(range_m, rng, end=name) for _ in range(trials)]
+        known_s = [one for one in times_s if one is not None]
+        median_s, p95_s = np.percentile(known_s, (50, 95)).tolist() if known_s else (None, None)
+        ends.append({'end': name, 'range_m': range_m, 'median_s': median_s, 'p95_s': p95_s})
     seed = int(rng.integers(2**32))
     rooms = [follow_room(number, seed) for number in range(_QUICK_ROOMS if quick else _ROOMS)]
     background = Background(rng)
@@ -111,20 +112,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         for words, longest_s in _EXPOSURES_S.items()
     }
-    return {
-        'curves': curves,
-        'shared': shared,
-        'ends': ends,
-        'rooms': _in_rooms(rooms),
-        'apriltag': seen,
-    }
-
-
-def _end(name: str, range_m: float, times_s: Sequence[float | None]) -> dict[str, Any]:
-    """Return how long a marker is followed after it ended."""
-    known_s = [one for one in times_s if one is not None]
-    median_s, p95_s = np.percentile(known_s, (50, 95)).tolist() if known_s else (None, None)
-    return {'end': name, 'range_m': range_m, 'median_s': median_s, 'p95_s': p95_s}
+    found = {'curves': curves, 'shared': shared, 'ends': ends}
+    return found | {'rooms': _in_rooms(rooms), 'apriltag': seen}
 
 
 def _in_rooms(rooms: Sequence[RoomTracks]) -> dict[str, Any]:
@@ -139,16 +128,13 @@ def _in_rooms(rooms: Sequence[RoomTracks]) -> dict[str, Any]:
         ]
         off = [error for one in own for error in one.off]
         frames = sum(one.frames for one in own)
-        cells.append(
-            {
-                'motion': motion,
-                'company': company,
-                'frames': frames,
-                'followed': len(off) / frames if frames else None,
-                'median_mm': median_mm([error.range_m for error in off]),
-                'ellipsoid_holds': held([error.squared_distance for error in off]),
-            }
-        )
+        found = {
+            'frames': frames,
+            'followed': len(off) / frames if frames else None,
+            'median_mm': median_mm([error.range_m for error in off]),
+            'ellipsoid_holds': held([error.squared_distance for error in off]),
+        }
+        cells.append({'motion': motion, 'company': company, **found})
     false = sum(room.false for room in rooms) / max(sum(room.places for room in rooms), 1)
     return {'rooms': len(rooms), 'cells': cells, 'false': false}
 
@@ -170,10 +156,18 @@ def table(figures: dict[str, Any]) -> Table:
         return '/'.join(NOTHING if one[name] is None else f'{one[name]:.1f}' for name in names)
 
     rows = _by_speed(figures, 'error [mm]: packets/tracks/tracks with light', in_mm)
-    for words, tags in figures['apriltag'].items():
-        cells = [as_text(one['error_mm'] and one['error_mm']['rms'], '', 1) for one in tags]
+    for words, tags in _tags_mm(figures).items():
+        cells = [as_text(one, '', 1) for one in tags]
         rows.append([f'AprilTag across at {RANGES_M[0]:g} m, exposure {words}', *cells])
     return rows
+
+
+def _tags_mm(figures: dict[str, Any]) -> dict[str, list[float | None]]:
+    """Return errors of tags over the speed, by exposure."""
+    return {
+        words: [one['error_mm'] and one['error_mm']['rms'] for one in seen]
+        for words, seen in figures['apriltag'].items()
+    }
 
 
 def honest_table(figures: dict[str, Any]) -> Table:
@@ -248,18 +242,15 @@ def _message(figures: dict[str, Any]) -> str:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw the error of range over the speed at the first distance, a panel for each way."""
     figure, panels = new_chart(2, 2, 4.6, _message(figures))
+    tags = {f'tag, exposed for {words}': errors for words, errors in _tags_mm(figures).items()}
     looks = {'packets': look('joint'), 'tracks': look('tracks')}
-    styles = zip('-:', figures['apriltag'].items(), strict=True)
-    tags = {f'tag, exposed for {words}': (style, of) for style, (words, of) in styles}
-    looks |= {words: look(APRILTAG) | {'linestyle': style} for words, (style, _) in tags.items()}
+    for words, style in zip(tags, '-:', strict=True):
+        looks[words] = look(APRILTAG) | {'linestyle': style}
     for axis, way in zip(panels, WAYS, strict=True):
         points = points_at(figures, way)
         curves = {name: [one[f'{key}_mm'] for one in points] for name, key in _CURVES.items()}
-        if axis is panels[0]:
-            for words, (_, seen) in tags.items():
-                curves[words] = [one['error_mm'] and one['error_mm']['rms'] for one in seen]
-        for words, errors in curves.items():
-            axis.plot(_SPEEDS_M_S, [one or np.nan for one in errors], **looks[words])
+        for words, errors in (curves | (tags if axis is panels[0] else {})).items():
+            axis.plot(_SPEEDS_M_S, errors, **looks[words])
         x, y, title = 'speed [m/s]', 'rms error of range [mm]', f'{way} at {RANGES_M[0]:g} m'
         label(axis, x, y, title, yscale='log', ylim=(0.2, 100), yticks=(0.3, 1, 3, 10, 30, 100))
     legend_below(figure, (), looks)

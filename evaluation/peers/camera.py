@@ -194,22 +194,15 @@ def dead_leaves(rng: np.random.Generator) -> Floats:
 
 
 class Window(NamedTuple):
-    """A part of the picture [pixels]."""
+    """A part of the picture, as what cuts it out [pixels]."""
 
-    top: int
-    left: int
-    bottom: int
-    right: int
-
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """What cuts it out of a picture."""
-        return slice(self.top, self.bottom), slice(self.left, self.right)
+    rows: slice
+    columns: slice
 
     @property
     def centre_px(self) -> tuple[float, float]:
         """Where the optical axis is, from the window's upper left corner."""
-        return CENTRE_PX[0] - self.left, CENTRE_PX[1] - self.top
+        return CENTRE_PX[0] - self.columns.start, CENTRE_PX[1] - self.rows.start
 
 
 def _window(side_m: float, pose: Pose, margin_px: int, alignment_px: int) -> Window:
@@ -221,7 +214,7 @@ def _window(side_m: float, pose: Pose, margin_px: int, alignment_px: int) -> Win
     high = np.ceil((places.max(axis=0) + margin_px) / alignment_px) * alignment_px
     left, top = np.maximum(low, 0).astype(int)
     right, bottom = np.minimum(high, [WIDTH, HEIGHT]).astype(int)
-    return Window(int(top), int(left), int(bottom), int(right))
+    return Window(slice(int(top), int(bottom)), slice(int(left), int(right)))
 
 
 class Background:
@@ -239,10 +232,11 @@ class Background:
         """
         window = _window(side_m, pose, _SURROUNDINGS_PX, _ALIGNMENT)
         inner = _window(side_m, pose, 1, 1)
-        sharp = self._sharp[inner.slices]
+        top, left = inner.rows.start, inner.columns.start
+        sharp = self._sharp[inner]
         rows, columns = sharp.shape
-        x = inner.left + (np.arange(columns * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
-        y = inner.top + (np.arange(rows * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
+        x = left + (np.arange(columns * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
+        y = top + (np.arange(rows * _SUBSAMPLES) + 0.5) / _SUBSAMPLES
         to_plate = np.linalg.inv(pose.homography)[:, :, None, None]
         right, down, scale = to_plate[:, 0] * x + to_plate[:, 1] * y[:, None] + to_plate[:, 2]
         column = np.floor(len(cells) * (right / scale / side_m + 0.5)).astype(int)
@@ -250,10 +244,11 @@ class Background:
         inside = (row >= 0) & (row < len(cells)) & (column >= 0) & (column < len(cells))
         light = np.zeros(inside.shape)
         light[inside] = cells[row[inside], column[inside]]
-        change = np.zeros((window.bottom - window.top, window.right - window.left))
-        part = change[inner.top - window.top :, inner.left - window.left :][:rows, :columns]
+        seen = self.light[window]
+        change = np.zeros(seen.shape)
+        part = change[top - window.rows.start :, left - window.columns.start :][:rows, :columns]
         part += _pixel_means(light) - _pixel_means(inside) * sharp
-        return self.light[window.slices] + blur(change), window
+        return seen + blur(change), window
 
 
 def _pixel_means(samples: NDArray[Any]) -> Floats:

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import groupby
 from operator import attrgetter
-from typing import Any, NamedTuple, TypeAlias, TypedDict
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from pyapriltags import Detector
 from pyapriltags.apriltags import _ImageU8
 
 from evaluation.bench.places import median_mm, rms_mm
-from evaluation.bench.rates import Rate, rate
+from evaluation.bench.rates import rate
 from evaluation.bench.recordings import rng_at
 from evaluation.peers import camera
 from evaluation.peers.camera import FOCAL_PX, Background, Window
@@ -170,30 +170,17 @@ class View(NamedTuple):
     longest_s: float = camera.LONGEST_EXPOSURE_S  # exposure that the camera takes at most
 
 
-class Error(TypedDict):
-    """Absolute errors of range [mm]."""
-
-    median: float
-    rms: float
-    largest: float
-    above_1_cm: float  # share of them
+Result = dict[str, Any]
+"""What a reader made of pictures: the `right` and `wrong` ones as rates, and `error_mm`."""
 
 
-class Result(TypedDict):
-    """What one reader made of the pictures of one view."""
-
-    right: Rate  # of single pictures
-    wrong: Rate  # of pictures in which an ID was read that was not there
-    error_mm: Error | None  # of the right readings, if any
-
-
-def errors(errors_m: Sequence[float]) -> Error | None:
-    """Return statistics of errors [m], None without any."""
-    median, rms, sizes = median_mm(errors_m), rms_mm(errors_m), 1000 * np.abs(errors_m)
-    if median is None or rms is None:
+def errors(errors_m: Sequence[float]) -> dict[str, float | None] | None:
+    """Return statistics of the sizes of errors [m] in millimetres, None without any."""
+    sizes = 1000 * np.abs(errors_m)
+    if not len(sizes):
         return None
-    above_1_cm = float(np.mean(sizes > 10))
-    return Error(median=median, rms=rms, largest=float(sizes.max()), above_1_cm=above_1_cm)
+    worst = {'largest': float(sizes.max()), 'above_1_cm': float(np.mean(sizes > 10))}
+    return {'median': median_mm(errors_m), 'rms': rms_mm(errors_m), **worst}
 
 
 def read_pictures(
@@ -222,11 +209,14 @@ def read_pictures(
                 wrong[reader.name] += len(sightings) > len(right)
                 errors_m[reader.name] += right
 
-    def result(name: str) -> Result:
-        right, others = rate(hits[name], pictures), rate(wrong[name], pictures)
-        return Result(right=right, wrong=others, error_mm=errors(errors_m[name]))
-
-    return {name: result(name) for name in errors_m}
+    return {
+        name: {
+            'right': rate(hits[name], pictures),
+            'wrong': rate(wrong[name], pictures),
+            'error_mm': errors(off_m),
+        }
+        for name, off_m in errors_m.items()
+    }
 
 
 def read_over_distance(
@@ -267,7 +257,7 @@ def picture_cost(
     for _ in range(pictures):
         light, window = _marker_before(background, reader, int(rng.integers(IDS)), view, rng)
         whole = background.light.copy()
-        whole[window.slices] = light
+        whole[window] = light
         picture = camera.expose(whole, view.lux, rng)
         began_s = time.process_time()
         reader.read(picture, camera.CENTRE_PX, view.size_m)

@@ -6,14 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from evaluation.bench.judging import BOTH
-from evaluation.experiments import (
-    false_ids,
-    peers,
-    speed_accuracy,
-    stability,
-    time_to_id,
-    tracks,
-)
+from evaluation.experiments import false_ids, peers, speed_accuracy, stability, time_to_id, tracks
 from evaluation.experiments.moving import WAYS
 from evaluation.experiments.paper_sweeps import end_of
 from evaluation.experiments.registry import EXPERIMENTS
@@ -68,10 +61,8 @@ def headlines(report: Report) -> str:
     rows.append(_row(what, ours, NOTHING, tag, wins=off_mm < tag_mm))
     cpu_ms = [speed_accuracy.cpu_ms(report['speed-accuracy'], one) for one in ('LiDAR', 'tag')]
     ours, tag = (as_text(one, 'ms a second', 0) for one in cpu_ms)
-    nodes_ms = 1e3 * sum(
-        report['bench-nodes']['core_shares'][one] for one in ('driver', 'detector')
-    )
-    nodes = f'Both nodes, by `bench_nodes.py`: {nodes_ms:.0f} ms a second'
+    driver, detector = (report['bench-nodes']['core_shares'][one] for one in ('driver', 'detector'))
+    nodes = f'Both nodes, by `bench_nodes.py`: {1e3 * (driver + detector):.0f} ms a second'
     what = f'Processor time of the detection, of one core? ({nodes})'
     rows.append(_row(what, ours, NOTHING, tag, wins=cpu_ms[0] < cpu_ms[1]))
     one = false_ids.total(report['false-ids'])
