@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 from unittest.mock import patch
 
@@ -94,13 +95,9 @@ def _objects(trials: int, rng: np.random.Generator, *, moved: bool) -> list[Plac
     Or errors of objects that were moved after that, and were read from two places since.
     """
     before = load_scene('coffee')
-    after = replace(
-        before,
-        markers=tuple(
-            replace(one, position_m=tuple((one.position_m + _MOVE_M).tolist()))
-            for one in before.markers
-        ),
-    )
+    moved_m = [tuple((one.position_m + _MOVE_M).tolist()) for one in before.markers]
+    pairs = zip(before.markers, moved_m, strict=True)
+    after = replace(before, markers=tuple(replace(one, position_m=at_m) for one, at_m in pairs))
     truth_m = {one.name: np.array(one.position_m) for one in (after if moved else before).markers}
     names = {one.id: one.name for one in before.markers}
     found = []
@@ -109,37 +106,35 @@ def _objects(trials: int, rng: np.random.Generator, *, moved: bool) -> list[Plac
         trial = [hand.visit(pose, before, rng) for pose in poses]
         trial += [hand.visit(pose, after, rng) for pose in poses[:2]] if moved else []
         survey = Survey({}, hand.errors_for(_POSE_M))
-        for group in hand.hand_readings(trial, rng, _POSE_M):
-            for one in group:
-                if not moved and rng.random() < _WRONG_IDS:
-                    one = one._replace(marker=int(rng.choice([*names])))
-                if one.marker not in names:
-                    continue
-                with suppress(ValueError):  # without gating some cannot be solved
-                    survey.take(names[one.marker], one)
-                if not moved:
-                    rows = survey.estimates()
-                    found += [place_error(row, truth_m[row.name]) for row in rows]
+        for one in chain(*hand.hand_readings(trial, rng, _POSE_M)):
+            if not moved and rng.random() < _WRONG_IDS:
+                one = one._replace(marker=int(rng.choice([*names])))
+            if one.marker not in names:
+                continue
+            with suppress(ValueError):  # without gating some cannot be solved
+                survey.take(names[one.marker], one)
+            if not moved:
+                found += [place_error(row, truth_m[row.name]) for row in survey.estimates()]
         if moved:
             found += [place_error(row, truth_m[row.name]) for row in survey.estimates()]
     return found
 
 
-def _placed(rows: list[PlaceError]) -> list[str]:
+def _placed(rows: list[PlaceError]) -> str:
     """Return the median and the largest error, and how many are in their 95 % ellipsoid."""
     inside = np.mean([row.squared_distance <= ELLIPSOID for row in rows])
     off_mm = 1e3 * np.array([row.position_m for row in rows])
-    return [f'{np.median(off_mm):.1f} mm, {off_mm.max():.0f} mm, {inside:.1%}']
+    return f'{np.median(off_mm):.1f} mm, {off_mm.max():.0f} mm, {inside:.1%}'
 
 
-def _tilted(trials: int, rng: np.random.Generator) -> list[str]:
+def _tilted(trials: int, rng: np.random.Generator) -> str:
     """Return the median errors of an object's tilt against the line of sight, and of its normal."""
     found = [tilt_trial(_ROLL_RAD, rng) for _ in range(trials)]
     sight, fixed = np.median([one for one in found if one is not None], axis=0)
-    return [f'{sight:.2f}°, {fixed:.1f}°']
+    return f'{sight:.2f}°, {fixed:.1f}°'
 
 
-def _located(trials: int, rng: np.random.Generator) -> list[str]:
+def _located(trials: int, rng: np.random.Generator) -> str:
     """Return a robot's median error among three markers, and how many poses were published.
 
     And how many of them were more than 0.2 m from the last one.
@@ -147,51 +142,45 @@ def _located(trials: int, rng: np.random.Generator) -> list[str]:
     runs = [run for run in (room_trial(rng) for _ in range(trials)) if run]
     off_mm = [1e3 * np.linalg.norm(run[-1][:2]) for run in runs]
     far = [np.linalg.norm(one - run[-1]) > _FAR_M for run in runs for one in run]
-    return [f'{np.median(off_mm):.0f} mm, {sum(far)} of {len(far)}']
+    return f'{np.median(off_mm):.0f} mm, {sum(far)} of {len(far)}'
 
 
-def _flown(trials: int, rng: np.random.Generator) -> list[str]:
-    return _placed([row for _ in range(trials) for row in drone_trial(rng)[3:]])
-
-
-def _next_view(trials: int, rng: np.random.Generator, parts: bool) -> str:
+def _next_view(trials: int, best: bool) -> str:
     """Return how long a hand looks until three objects are placed, by best or by any places."""
-    world = load_scene('coffee')
+    world, rng = load_scene('coffee'), np.random.default_rng(_SEED)
 
     def anywhere(_: object, middle_m: Floats, reach_m: float) -> Floats:
         found = next_view._places(middle_m, reach_m, (-math.inf, math.inf))
         one: Floats = found[rng.integers(len(found))]
         return one
 
-    with patch.object(hand, 'best_place', next_view.best_place if parts else anywhere):
+    with patch.object(hand, 'best_place', next_view.best_place if best else anywhere):
         found = [hand.ready_s(world, 0.01, 0.5, rng) for _ in range(trials)]
     return f'{np.median(found):.1f} s'
 
 
 def table(trials: int) -> Table:
     """Return errors with all mechanisms, and without each of them."""
-    cases: dict[str, Callable[[np.random.Generator], list[str]]] = {
+    cases: dict[str, Callable[[np.random.Generator], str]] = {
         'objects: median, largest, in the 95 % ellipsoid': lambda rng: _placed(
             _objects(4 * trials, rng, moved=False)
         ),
         'after a move': lambda rng: _placed(_objects(trials, rng, moved=True)),
         'tilt against the line of sight, and in the fixed frame': lambda rng: _tilted(trials, rng),
         'robot: median, poses off by 0.2 m': lambda rng: _located(trials, rng),
-        'drone': lambda rng: _flown(trials, rng),
+        'drone': lambda rng: _placed([one for _ in range(trials) for one in drone_trial(rng)[3:]]),
     }
     replayed = {name: _Replayed() for name in cases}
     rows = [['without', *cases]]
     for part, patches in PARTS.items():
-        cells = []
+        rows.append([part])
         for name, case in cases.items():
             looks = replayed[name]
             looks.next = 0
             with ExitStack() as stack:
-                for target, attribute, value in patches:
-                    stack.enter_context(patch.object(target, attribute, value))
-                stack.enter_context(patch.object(places, 'looks', looks))
-                cells += case(np.random.default_rng(_SEED))
-        rows.append([part, *cells])
+                for target in (*patches, (places, 'looks', looks)):
+                    stack.enter_context(patch.object(*target))
+                rows[-1].append(case(np.random.default_rng(_SEED)))
         print(*rows[-1], sep=' | ', file=sys.stderr, flush=True)
     return rows
 
@@ -200,9 +189,7 @@ def main() -> None:
     """Print the table, and what the choice of the next viewpoint buys."""
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 9
     print(markdown(table(trials)))
-    best, anywhere = (
-        _next_view(trials, np.random.default_rng(_SEED), one) for one in (True, False)
-    )
+    best, anywhere = (_next_view(trials, one) for one in (True, False))
     print(f'three objects within 10 mm: in {best} from the best places, in {anywhere} from any')
 
 

@@ -68,10 +68,8 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float]
         for turn, at in ((estimate.rotation, estimate.position_m), (turned, centre_m))
     ]
     cosine = float(estimate.rotation[:, 2] @ turned[:, 2])
-    return (
-        float(np.linalg.norm(off[0] - off[1])) / math.sqrt(2),
-        math.degrees(math.acos(min(cosine, 1.0))),
-    )
+    sight_deg = float(np.linalg.norm(off[0] - off[1])) / math.sqrt(2)
+    return sight_deg, math.degrees(math.acos(min(cosine, 1.0)))
 
 
 def drone_trial(rng: np.random.Generator) -> list[PlaceError]:
@@ -113,12 +111,9 @@ def room_trial(rng: np.random.Generator) -> list[Floats]:
         way = np.array([math.cos(angle), math.sin(angle), 0])
         height_m = rng.uniform(-0.5, 0.5)
         on_walls[1000 + 101 * index] = 2 * way / np.abs(way).max() + [0, 0, height_m]
+    unsure = np.eye(3), np.diag([_SURVEY_M**2] * 3 + [1.0] * 3)
     known = {
-        str(one): KnownPose(
-            place + rng.normal(0, _SURVEY_M, 3),
-            np.eye(3),
-            np.diag([_SURVEY_M**2] * 3 + [1.0] * 3),
-        )
+        str(one): KnownPose(place + rng.normal(0, _SURVEY_M, 3), *unsure)
         for one, place in on_walls.items()
     }
     world = _world_of(on_walls)

@@ -42,13 +42,10 @@ def total(figures: dict[str, Any]) -> Frequency:
 def draw(figures: dict[str, Any]) -> Any:
     """Draw false IDs an hour with their confidence, a row for each member."""
     rows = {ALL: total(figures), **dict([*figures['members'].items()][::-1])}
-    budget = USUAL_FALSE_IDS_PER_HOUR
-    one = rows[ALL]
-    ids = 'ID' if one['events'] == 1 else 'IDs'
-    title = (
-        f'{one["events"]} false {ids} in {one["hours"]:g} hours without a marker: '
-        f'at most {one["high"]:.2g} an hour; the budget is {budget:g}'
-    )
+    one, budget = rows[ALL], USUAL_FALSE_IDS_PER_HOUR
+    counted = f'{one["events"]} false {"ID" if one["events"] == 1 else "IDs"}'
+    rate = f'at most {one["high"]:.2g} an hour; the budget is {budget:g}'
+    title = f'{counted} in {one["hours"]:g} hours without a marker: {rate}'
     figure, (axis,) = new_chart(1, 1, 1.7 + 0.27 * len(rows), title)
     for place, (name, one) in enumerate(rows.items()):
         how = look('joint') | {'linewidth': 4 if name == ALL else 2}

@@ -50,10 +50,8 @@ def _places(
                 for marker, error in errors.items():
                     rows.setdefault((count, marker), []).append(error)
         found += [
-            {'side_m': side_m, 'places': count, 'object': marker.name}
-            | _errors(rows[count, marker])
-            for count in range(1, len(hand.CORNERS) + 1)
-            for marker in world.markers
+            {'side_m': side_m, 'places': count, 'object': one.name, **_errors(rows[count, one])}
+            for count, one in itertools.product(range(1, len(hand.CORNERS) + 1), world.markers)
         ]
     return found
 

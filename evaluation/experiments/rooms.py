@@ -196,9 +196,6 @@ def draw(figures: dict[str, Any]) -> Any:
         names = list(_SENDINGS.values()) if axis is panels[0] else [''] * len(SENDINGS)
         axis.set_yticks(range(len(SENDINGS)), names, fontsize=10.5)
     foreign = figures['wrong']['hits'] - counted(figures, None)[2]
-    figure.supxlabel(
-        'signal over noise [dB]\n'
-        f'besides, {foreign} wrong near markers of other kinds, or near none',
-        fontsize=11,
-    )
+    besides = f'besides, {foreign} wrong near markers of other kinds, or near none'
+    figure.supxlabel(f'signal over noise [dB]\n{besides}', fontsize=11)
     return figure

@@ -104,10 +104,7 @@ def claims(figures: dict[str, Any]) -> Claims:
         [one['rate'] for row in figures['three'] for one in row[method]['read']]
         for method in BOTH_CLAIMED
     ]
-    return {
-        'mean': shares((float(np.mean(one)) for one in read), 1),
-        'worst': shares(map(min, read)),
-    }
+    return {'mean': shares(map(np.mean, read), 1), 'worst': shares(map(min, read))}
 
 
 def draw(figures: dict[str, Any]) -> Any:

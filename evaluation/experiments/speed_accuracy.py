@@ -171,10 +171,8 @@ _COSTS = {'LiDAR': ('joint: packets combined', '1'), 'tag': ('AprilTag: decimati
 
 def _message(figures: dict[str, Any]) -> str:
     times = float(f'{cpu_ms(figures, "tag") / cpu_ms(figures, "LiDAR"):.0e}')
-    return (
-        f'Watching for AprilTags (decimation {_COSTS["tag"][1]}) takes about {times:.0f} times '
-        f'the processor time of LiDAR markers (lone packets)'
-    )
+    tags = f'Watching for AprilTags (decimation {_COSTS["tag"][1]}) takes about {times:.0f} times'
+    return f'{tags} the processor time of LiDAR markers (lone packets)'
 
 
 def draw(figures: dict[str, Any]) -> Any:
@@ -201,12 +199,6 @@ def draw(figures: dict[str, Any]) -> Any:
             if not half:
                 beside = (times * places[end], reaches[end] + rise)
                 name_curve(axis, name, points[end]['label'], beside, ha=ha)
-    label(
-        axis,
-        'processor time per second of watching [ms]',
-        '80 % of markers of 3 cm are read to [m]',
-        xscale='log',
-        xticks=(1, 3, 10, 30, 100, 300, 1000),
-        ylim=(0, 5),
-    )
+    x, y = 'processor time per second of watching [ms]', '80 % of markers of 3 cm are read to [m]'
+    label(axis, x, y, xscale='log', xticks=(1, 3, 10, 30, 100, 300, 1000), ylim=(0, 5))
     return figure

@@ -80,9 +80,8 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         for where, method in itertools.product(conditions, METHODS):
             if where == SHOWN or method == 'joint':
                 enough = LEVEL * harmless[where][method]['right']['rate']
-                breaks[named(where)][method] = _breaks(
-                    panel, where, seed, recordings, method, enough
-                )
+                found = _breaks(panel, where, seed, recordings, method, enough)
+                breaks[named(where)][method] = found
         points = [
             {'place': panel.values[index]} | read(panel, index, SHOWN, seed, recordings, *METHODS)
             for index in range(0, len(panel.values), 3 if quick else 1)
@@ -146,10 +145,8 @@ def draw_panels(figures: dict[str, Any]) -> Any:
         how: dict[str, Any] = {}
         if last > _MANY * second:
             axis.set_xscale('symlog', linthresh=second)
-            how = {
-                'xlim': (-second / 3, 1.3 * last),
-                'xticks': [0, *(10**n for n in range(1, 4) if 10**n < last)],
-            }
+            ticks = [0, *(10**n for n in range(1, 4) if 10**n < last)]
+            how = {'xlim': (-second / 3, 1.3 * last), 'xticks': ticks}
         label(axis, panel['axis'], y, panel['title'], percent=True, **how)
         if _falls(panel):
             axis.invert_xaxis()

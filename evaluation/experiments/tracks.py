@@ -22,7 +22,7 @@ from evaluation.bench.recordings import record_at
 from evaluation.bench.room_markers import MOTIONS
 from evaluation.bench.room_tracks import RoomTracks, follow_room
 from evaluation.bench.room_truth import COMPANY
-from evaluation.experiments.moving import WAYS
+from evaluation.experiments.moving import DURATION_S, RANGES_M, WAYS
 from evaluation.peers.camera import Background
 from evaluation.peers.visual_markers import APRILTAG, AprilTagReader, View, read_pictures
 from evaluation.report.chart_style import label, legend_below, look, new_chart
@@ -30,8 +30,6 @@ from evaluation.report.claims import NOTHING, Table, as_text, percent
 from retrolidar_ros.scene.reference import SENSOR
 
 TITLE = 'Markers that are followed'
-RANGES_M = (1.0, 2.0)
-DURATION_S = 20.0
 _SPEEDS_M_S = (0.0, 0.1, 0.3, 0.6)
 _SETTLED_S = 1.0  # after a track began
 _RUNS = 40
