@@ -67,15 +67,10 @@ def two_in_a_zone(
     known = [{one.id for one in step.tracks} & {*truths_m} for step in steps]
     first = next((at for at, one in enumerate(known) if one), len(known))
     settled = steps[first + round(_SETTLED_S / SENSOR.period_s) :]
-    errors_m = [
-        one.place.range_m - truths_m[one.id]
-        for step in settled
-        for one in step.tracks
-        if one.id in truths_m
-    ]
+    own = [one for step in settled for one in step.tracks if one.id in truths_m]
     sending = max(first, round(max(starts_s[1], 0.0) / SENSOR.period_s))
     return {
-        'errors_m': errors_m,
+        'errors_m': [one.place.range_m - truths_m[one.id] for one in own],
         'both': [len(one) == len(truths_m) for one in known[sending:]],
         'ends': detector.counts.tracks_ended,
         'hours': len(known[first:]) * SENSOR.period_s / 3600,

@@ -24,7 +24,7 @@ from retrolidar_ros.tasks.landmarks import Landmark
 from retrolidar_ros.tasks.next_view import best_place
 from retrolidar_ros.tasks.reading import Errors, Reading, SensorPose
 
-CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) / 2
+CORNERS = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]) / 2
 BIAS_M = 0.002  # deviation of a sensor's range bias
 VISIT_S, _MAX_READINGS = 4.3, 3  # of each place, and of one marker there
 _HAND_M, _ROLL_RAD = 0.15, 0.6
@@ -60,7 +60,7 @@ def hand_poses(world: Scene, side_m: float, rng: np.random.Generator) -> list[Se
     while True:
         centre_m, roll = rng.uniform(-_HAND_M, _HAND_M, 3), rng.uniform(-_ROLL_RAD, _ROLL_RAD)
         turned = places.rotation(0, 0, rng.uniform(0, 2 * math.pi))
-        corners = centre_m + side_m * np.append(CORNERS, np.zeros((4, 1)), axis=1) @ turned.T
+        corners = centre_m + side_m * CORNERS @ turned.T
         found = [aim(place_m, places.markers_at(world), roll, world, rng) for place_m in corners]
         poses = [pose for pose in found if pose is not None]
         if len(poses) == len(CORNERS):
@@ -86,16 +86,15 @@ def hand_readings(
     The range has a random bias; TF is off by a deviation of `pose_m` [m].
     """
     bias_m = float(rng.normal(0, BIAS_M))
-    found = []
+    found: list[list[Reading]] = []
     for index, (at, detections) in enumerate(trial):
         pose, since_s = places.pose_of_tf(at, pose_m, rng), 100.0 * index
         count: Counter[int] = Counter()
-        rows = []
-        for detection in detections:
-            count[detection.id] += 1
-            if count[detection.id] <= _MAX_READINGS:
-                rows.append(places.reading_of(detection, pose, since_s=since_s, bias_m=bias_m))
-        found.append(rows)
+        found.append([])
+        for one in detections:
+            count[one.id] += 1
+            if count[one.id] <= _MAX_READINGS:
+                found[-1].append(places.reading_of(one, pose, since_s=since_s, bias_m=bias_m))
     return found
 
 

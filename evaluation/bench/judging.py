@@ -3,7 +3,7 @@
 """What a detector reads of a recording, compared with what was sent."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,13 +77,6 @@ def judged(sent: Sent, options: Options, *, lone: bool = True) -> Judged:
     return Judged(right, wrong, len(detections), own, detector.counts.candidates)
 
 
-class Read(TypedDict):
-    """Shares of markers that were read rightly, and of which a wrong ID was read."""
-
-    right: Rate
-    wrong: Rate
-
-
 def judge_all(
     make: Callable[[np.random.Generator], Sent],
     recordings: int,
@@ -100,8 +93,8 @@ def judge_all(
     }
 
 
-def read_of(rows: Sequence[Judged]) -> Read:
-    """Return the shares of all markers of some recordings."""
-    right = np.concatenate([one.right for one in rows])
-    wrong = np.concatenate([one.wrong for one in rows])
-    return Read(right=rate(int(right.sum()), len(right)), wrong=rate(int(wrong.sum()), len(wrong)))
+def read_of(rows: Sequence[Judged]) -> dict[str, Rate]:
+    """Return of how many markers the `right` ID was read, and of how many a `wrong` one."""
+    names = ('right', 'wrong')
+    found = {name: np.concatenate([getattr(row, name) for row in rows]) for name in names}
+    return {name: rate(int(of.sum()), len(of)) for name, of in found.items()}

@@ -47,8 +47,7 @@ def tilt_trial(roll_rad: float, rng: np.random.Generator) -> tuple[float, float]
 
     Returns errors of the tilt against the line of sight, and of the normal in the fixed frame [°].
     """
-    corners = 0.2 * np.append(hand.CORNERS, np.zeros((4, 1)), axis=1)
-    on_object = {1000 + 101 * n: corner for n, corner in enumerate(corners)}
+    on_object = {1000 + 101 * n: corner for n, corner in enumerate(0.2 * hand.CORNERS)}
     roll = matrix_of_turn(np.array([0, 0, rng.uniform(-roll_rad, roll_rad)]))
     way = rng.uniform(0, 2 * math.pi)
     tilt = rng.uniform(0, math.radians(30)) * np.array([math.cos(way), math.sin(way), 0])

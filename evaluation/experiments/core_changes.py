@@ -16,12 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.bench import core_trial
+from evaluation.bench import core_trial, track_parts
 from evaluation.bench.changed_core import Part, call_with, check_changes
 from evaluation.bench.core_numbers import number_changes
 from evaluation.bench.core_parts import part_changes
-from evaluation.bench.track_parts import measure as measure_tracks
-from evaluation.bench.track_parts import track_changes
 from evaluation.report.chart_style import SHADES, WRONG_COLOUR, new_chart
 from evaluation.report.claims import Table
 
@@ -267,9 +265,9 @@ CORE_CHANGES = {
     'track-parts': CoreChanges(
         'What each part gains that follows markers',
         'without',
-        track_changes,
+        track_parts.track_changes,
         _parts_message,
-        measure_tracks,
+        track_parts.measure,
         of_parts=True,
     ),
     'numbers': CoreChanges('What each number gains', 'with', number_changes, _numbers_message),

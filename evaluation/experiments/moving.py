@@ -94,10 +94,9 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
 def _message(figures: dict[str, Any]) -> str:
     points = [curve['points'][-1] for curve in figures['curves']]
     rates = [[one[method]['read']['rate'] for one in points] for method in METHODS]
-    least, paper = min(rates[0]), f'{min(rates[1]):.0%} to {max(rates[1]):.0%}'
-    speed = f'{points[0]["speed_m_s"]:g} m/s'
-    ours, others = f'{least:.0%} of the packets or more', f"by the paper's method {paper}"
-    return f'Markers that move at {speed}: {ours} are read, {others}'
+    ours = f'{min(rates[0]):.0%} of the packets or more are read'
+    paper = f"by the paper's method {min(rates[1]):.0%} to {max(rates[1]):.0%}"
+    return f'Markers that move at {points[0]["speed_m_s"]:g} m/s: {ours}, {paper}'
 
 
 def draw(figures: dict[str, Any]) -> Any:

@@ -9,14 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.following import (
-    ENDS,
-    SECONDS_S,
-    dropped_s,
-    play,
-    shared_figures,
-    two_in_a_zone,
-)
+from evaluation.bench import following
 from evaluation.bench.places import held, median_mm, place_error, rms, rms_mm
 from evaluation.bench.recordings import record_at
 from evaluation.bench.room_markers import MOTIONS
@@ -47,7 +40,7 @@ def moving_errors(
     """Return errors of a marker's packets and tracks while it moves."""
     path = WAYS[way](speed_m_s, range_m, rng)
     sent = record_at(range_m, rng, path=path, repeated_s=DURATION_S)
-    _, steps = play(sent.recording)
+    _, steps = following.play(sent.recording)
 
     def error(one: Any) -> Any:
         return place_error(one.place, path(np.array([1e-9 * one.stamp_ns]))[0])
@@ -90,12 +83,13 @@ def run(rng: np.random.Generator, *, quick: bool) -> dict[str, Any]:
         ]
         curves.append({'way': way, 'range_m': range_m, 'points': points})
     shared = []
-    for begins, apart_m in itertools.product(SECONDS_S, _APART_M):
-        two = [two_in_a_zone(RANGES_M[0], apart_m, begins, DURATION_S, rng) for _ in range(runs)]
-        shared.append({'apart_m': apart_m, 'begins': begins, **shared_figures(two)})
+    for begins, apart_m in itertools.product(following.SECONDS_S, _APART_M):
+        how = (RANGES_M[0], apart_m, begins, DURATION_S, rng)
+        two = [following.two_in_a_zone(*how) for _ in range(runs)]
+        shared.append({'apart_m': apart_m, 'begins': begins, **following.shared_figures(two)})
     ends = []
-    for name, range_m in itertools.product(ENDS, RANGES_M):
-        times_s = [dropped_s(range_m, rng, end=name) for _ in range(trials)]
+    for name, range_m in itertools.product(following.ENDS, RANGES_M):
+        times_s = [following.dropped_s(range_m, rng, end=name) for _ in range(trials)]
         known_s = [one for one in times_s if one is not None]
         median_s, p95_s = np.percentile(known_s, (50, 95)).tolist() if known_s else (None, None)
         ends.append({'end': name, 'range_m': range_m, 'median_s': median_s, 'p95_s': p95_s})
@@ -193,7 +187,7 @@ def shared_table(figures: dict[str, Any]) -> Table:
 def ends_table(figures: dict[str, Any]) -> Table:
     """Return how long markers are followed after they ended."""
     rows = [['followed on [s], median/95 %', *(f'at {at:g} m' for at in RANGES_M)]]
-    for name in ENDS:
+    for name in following.ENDS:
         own = [one for one in figures['ends'] if one['end'] == name]
         times = ('/'.join(as_text(one[of], '') for of in ('median_s', 'p95_s')) for one in own)
         rows.append([f'a marker that {name}', *times])
