@@ -19,7 +19,6 @@ HEADERS = tuple(
         'sensor',
         'receive',
         'template',
-        'likelihood',
         'decide',
         'bearing',
         'detector',

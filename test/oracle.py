@@ -48,8 +48,6 @@ class Fit(NamedTuple):
     log_likelihood: float
     gain: float
     """g [kcps/SPAD]; 0 where the packet explains nothing."""
-    variance: float
-    """s [(kcps/SPAD)²]"""
 
 
 def light(sending: Sending, begin_s: Floats, end_s: Floats) -> Floats:
@@ -134,7 +132,7 @@ class Zone:
         parameters += len(self._interferers)
         variance = max(squares / max(count - parameters, 1), self._least)
         likelihood = log_scale - 0.5 * count * np.log(variance) - 0.5 * squares / variance
-        return Fit(float(likelihood), gain, variance)
+        return Fit(float(likelihood), gain)
 
     def fit_light(self, template: Floats | None) -> Fit:
         """Return the best fit of all walks; a template has a positive gain, or none."""

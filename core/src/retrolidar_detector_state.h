@@ -126,8 +126,8 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
 /* Zones that saw a train which ended after a time, and the zones beside them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
 
-/* Subtract transmissions from the samples of a zone since a time, as far as they are seen there
- * (`retrolidar_interferers.c`). Return the variance of the rest over the newest packet's length,
+/* Subtract transmissions from the samples of a zone since a time, as far as they are seen there.
+ * Return the variance of the rest over the newest packet's length,
  * over that of the noise.
  */
 double rl_residual_subtract(struct rl_detector *detector, int zone,

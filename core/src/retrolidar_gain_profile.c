@@ -1,7 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_gain_profile.h"
+/* Gains that change: weights of their knots, and their least squares. */
+#include "retrolidar_likelihood.h"
 
 #include <math.h>
 

@@ -99,14 +99,32 @@ void rl_add_interferer(struct rl_whitened *whitened, const double *light)
     rl_find_null(whitened);
 }
 
+/* The best of all walks, by how much a fit lowers the squares of each and by which gain. */
+static struct rl_gain best_of(const struct rl_whitened *whitened, int parameters,
+                              const double explained[RL_WALK_LANES],
+                              const double gain[RL_WALK_LANES])
+{
+    struct rl_gain best = {whitened->null, 0.0, 0};
+    for (int walk = 0; walk < RL_WALKS; walk++) {
+        if (explained[walk] > 0.0) {
+            const double squares = fmax(whitened->squares[walk] - explained[walk], 0.0);
+            const double likelihood = rl_log_likelihood(whitened, walk, squares, parameters);
+            if (likelihood > best.log_likelihood) {
+                best = (struct rl_gain){likelihood, gain[walk], walk};
+            }
+        }
+    }
+    return best;
+}
+
 struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *light,
                            bool may_darken)
 {
     double (*column)[RL_WALK_LANES] = whitened->interferer[whitened->interferers];
     double power[RL_WALK_LANES], cross[RL_WALK_LANES];
-    struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
+    double explained[RL_WALK_LANES] = {0.0}, gain[RL_WALK_LANES] = {0.0};
     if (whitened->samples < 3) {
-        return best;
+        return (struct rl_gain){whitened->null, 0.0, 0};
     }
     const int from = whiten_template(whitened, light, column, power, cross);
     for (int i = 0; i < whitened->interferers; i++) {
@@ -118,18 +136,12 @@ struct rl_gain rl_fit_gain(const struct rl_whitened *whitened, const double *lig
         }
     }
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        if (!(may_darken || cross[walk] > 0.0) || !(power[walk] > RL_NO_ENERGY)) {
-            continue;
-        }
-        double variance;
-        const double explained = cross[walk] * cross[walk] / power[walk];
-        const double squares = fmax(whitened->squares[walk] - explained, 0.0);
-        const double likelihood = rl_log_likelihood(whitened, walk, squares, 1, &variance);
-        if (likelihood > best.log_likelihood) {
-            best = (struct rl_gain){likelihood, cross[walk] / power[walk], variance, walk};
+        if ((may_darken || cross[walk] > 0.0) && power[walk] > RL_NO_ENERGY) {
+            explained[walk] = cross[walk] * cross[walk] / power[walk];
+            gain[walk] = cross[walk] / power[walk];
         }
     }
-    return best;
+    return best_of(whitened, 1, explained, gain);
 }
 
 /* Find the products of the light on each knot, less what interferers explain of them. */
@@ -164,25 +176,21 @@ struct rl_gain rl_fit_knots(const struct rl_whitened *whitened, const double *li
                             bool may_darken, double *part, double gains[RL_KNOTS])
 {
     struct rl_knot_products products;
-    double gain[RL_KNOTS][RL_WALK_LANES], explained[RL_WALK_LANES];
-    struct rl_gain best = {whitened->null, 0.0, whitened->least, 0};
-    memset(gains, 0, RL_KNOTS * sizeof *gains);
-    if (whitened->samples < 3) {
-        return best;
-    }
-    multiply_knots(whitened, light, rows, part, &products);
-    rl_knots_solve(&products, may_darken, gain, explained);
-    for (int walk = 0; walk < RL_WALKS; walk++) {
-        double variance, mean = 0.0;
-        const double squares = fmax(whitened->squares[walk] - explained[walk], 0.0);
-        const double likelihood = rl_log_likelihood(whitened, walk, squares, RL_KNOTS, &variance);
-        if (explained[walk] > 0.0 && likelihood > best.log_likelihood) {
+    double gain[RL_KNOTS][RL_WALK_LANES];
+    double explained[RL_WALK_LANES] = {0.0}, mean[RL_WALK_LANES] = {0.0};
+    if (whitened->samples >= 3) {
+        multiply_knots(whitened, light, rows, part, &products);
+        rl_knots_solve(&products, may_darken, gain, explained);
+        for (int walk = 0; walk < RL_WALKS; walk++) {
             for (int i = 0; i < RL_KNOTS; i++) {
-                gains[i] = gain[i][walk];
-                mean += gains[i] / (i > 0 && i < RL_KNOTS - 1 ? 1.0 : 2.0) / (RL_KNOTS - 1);
+                const double share = i > 0 && i < RL_KNOTS - 1 ? 1.0 : 2.0;
+                mean[walk] += gain[i][walk] / share / (RL_KNOTS - 1);
             }
-            best = (struct rl_gain){likelihood, mean, variance, walk};
         }
+    }
+    const struct rl_gain best = best_of(whitened, RL_KNOTS, explained, mean);
+    for (int i = 0; i < RL_KNOTS; i++) {
+        gains[i] = best.log_likelihood > whitened->null ? gain[i][best.walk] : 0.0;
     }
     return best;
 }

@@ -1,7 +1,8 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-#include "retrolidar_whitened.h"
+/* Samples of a channel in a window, whitened, and their likelihood without a packet. */
+#include "retrolidar_likelihood.h"
 
 #include <math.h>
 #include <string.h>
@@ -23,21 +24,21 @@ void rl_whitened_start(struct rl_whitened *whitened, int rows, struct rl_memory 
 }
 
 double rl_log_likelihood(const struct rl_whitened *whitened, int walk, double squares,
-                         int parameters, double *variance)
+                         int parameters)
 {
     const double innovations = whitened->samples - 1;
     parameters += whitened->interferers;
-    *variance = fmax(squares / fmax(innovations - parameters, 1.0), whitened->least);
-    return -0.5 * innovations * log(*variance) - 0.5 * squares / *variance +
+    const double variance =
+        fmax(squares / fmax(innovations - parameters, 1.0), whitened->least);
+    return -0.5 * innovations * log(variance) - 0.5 * squares / variance +
            whitened->log_scales[walk];
 }
 
 void rl_find_null(struct rl_whitened *whitened)
 {
-    double ignored;
     whitened->null = -INFINITY;
     for (int walk = 0; walk < RL_WALKS; walk++) {
-        const double one = rl_log_likelihood(whitened, walk, whitened->squares[walk], 0, &ignored);
+        const double one = rl_log_likelihood(whitened, walk, whitened->squares[walk], 0);
         if (one > whitened->null) {
             whitened->null = one;
             whitened->null_walk = walk;

@@ -3,11 +3,11 @@
  */
 #include "retrolidar_window.h"
 
-#include "retrolidar_constants.h"
-#include "retrolidar_math.h"
-
 #include <math.h>
 #include <string.h>
+
+/* A fit may claim no less than this share of the sensor's noise. */
+static const double MIN_NOISE = 0.5;
 
 void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
                      struct rl_memory *memory)
@@ -25,6 +25,63 @@ static void lay(const struct rl_window *window, const struct rl_transmission *tr
                 double *light)
 {
     rl_template(transmission, window->begin_s, window->end_s, window->rows, light);
+}
+
+/* Make a train that was read an interferer if it explains what it costs: its light, or (`changes`)
+ * by how much that is more as its gain changes. Return whether it does.
+ */
+static bool add_train(struct rl_window *window, const struct rl_packet_train *train, bool changes)
+{
+    struct rl_whitened *whitened = &window->whitened;
+    double *light = window->light;
+    rl_train_light(train, window->begin_s, window->end_s, window->rows, light);
+    if (changes) {
+        double gain[RL_KNOTS];
+        rl_fit_knots(whitened, light, window->rows, true, window->on_knot, gain);
+        for (int row = 0; row < window->rows; row++) {
+            light[row] *= rl_gain_profile_at(gain, row, window->rows);
+        }
+    }
+    const struct rl_gain fit = rl_fit_gain(whitened, light, true);
+    /* Seldom, a zone sees less while its neighbour sees more, by what the sensor does against stray
+     * light.
+     */
+    const double surprise = !changes && fit.gain < 0.0 ? RL_COST_OF_CHANCE : 0.0;
+    const double price = surprise + (changes ? rl_price_of_profile() : RL_COST_OF_GAIN);
+    if (fit.log_likelihood <= whitened->null + price) {
+        return false;
+    }
+    rl_add_interferer(whitened, light);
+    return true;
+}
+
+/* All trains are tried with steady gains first, as one that is still left out may look like a gain
+ * of another one that changes.
+ */
+static void add_interference(struct rl_window *window)
+{
+    const struct rl_interference *interference = &window->interference;
+    bool is_seen[RL_MAX_TRAINS] = {false};
+    for (int changes = 0; changes < 2; changes++) {
+        for (int i = 0; i < interference->count; i++) {
+            if ((!changes || is_seen[i]) && window->whitened.interferers < RL_MAX_INTERFERERS) {
+                is_seen[i] = add_train(window, &interference->train[i], changes);
+            }
+        }
+    }
+}
+
+/* Whiten the samples of one channel, and choose what interferes. */
+static void whiten(struct rl_window *window)
+{
+    const struct rl_samples *samples = window->samples;
+    window->column = rl_target_column(samples, window->channel, window->first, window->rows,
+                                      window->is_dimmer, &window->room);
+    const double noise =
+        rl_noise_variance(samples, window->channel, rl_mean(window->column.signal, window->rows));
+    rl_whiten(&window->whitened, window->column.signal, window->column.valid, window->begin_s,
+              window->end_s, window->rows, samples->period_s, MIN_NOISE * noise);
+    add_interference(window);
 }
 
 static void open_channel(struct rl_window *window, int channel, bool is_dimmer, double from_s,
@@ -47,7 +104,7 @@ static void open_channel(struct rl_window *window, int channel, bool is_dimmer, 
     window->channel = channel;
     window->is_dimmer = is_dimmer;
     window->gain_changes = false;
-    rl_window_whiten(window);
+    whiten(window);
 }
 
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,

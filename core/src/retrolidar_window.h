@@ -5,7 +5,6 @@
 #ifndef RETROLIDAR_WINDOW_H
 #define RETROLIDAR_WINDOW_H
 
-#include "retrolidar_gain_profile.h"
 #include "retrolidar_likelihood.h"
 #include "retrolidar_target.h"
 #include "retrolidar_template.h"
@@ -42,9 +41,6 @@ void rl_window_start(struct rl_window *window, const struct rl_samples *samples,
  */
 void rl_window_open(struct rl_window *window, int channel, bool is_dimmer, double from_s,
                     double to_s);
-
-/* Whiten the samples of one channel, and choose what interferes (`retrolidar_interferers.c`). */
-void rl_window_whiten(struct rl_window *window);
 
 /* Log likelihood without a packet. */
 double rl_window_null(const struct rl_window *window);

@@ -21,7 +21,7 @@ NUMBERS = {
     'ranging.h': ('RL_BEND_M_S2',),
     'search.h': ('RL_STRONG',),
     'template.c': ('SAME_PHASE_BITS',),
-    'interferers.c': ('MIN_NOISE',),
+    'window.c': ('MIN_NOISE',),
 }
 """By the file that declares them."""
 
