@@ -123,15 +123,20 @@ bool rl_pool_expects(const struct rl_pool *pool, uint64_t zones,
 void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double since_s, uint16_t id,
                           uint16_t other_id, struct rl_interference *interference);
 
+/* Add a packet to the interference, in place of the last one if that is full. */
+void rl_interference_add(struct rl_interference *interference, const struct rl_verdict *verdict);
+
 /* Zones that saw a train which ended after a time, and the zones beside them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
 
-/* Subtract transmissions from the samples of a zone since a time, as far as they are seen there.
- * Return the variance of the rest over the newest packet's length,
- * over that of the noise.
+/* Subtract packets that were read from the samples of a zone since `from_s`, as far as they are seen
+ * there. Return the variance of the rest over the newest packet's length, over that of the noise.
+ *
+ * since_s: packets that ended earlier are not subtracted
+ * beside: another packet that is subtracted, in place of all of its ID, if not NULL
  */
-double rl_residual_subtract(struct rl_detector *detector, int zone,
-                            const struct rl_interference *interference, double from_s);
+double rl_residual_subtract(struct rl_detector *detector, int zone, double since_s, double from_s,
+                            const struct rl_verdict *beside);
 
 /* Sum the zones of a channel anew, after transmissions were subtracted. Return the same. */
 double rl_residual_sum(struct rl_detector *detector, int channel);

@@ -17,11 +17,8 @@ static void judge_any(struct rl_detector *detector, int zone,
     const double bit_s = expected->transmission.bit_s, end_s = expected->end_s;
     const double phase_s = bit_s / RL_PHASES;
     struct rl_pending pending = {.channel = zone, .packets = 1, .since_s = -INFINITY};
-    struct rl_interference interference;
-    rl_pool_interference(&detector->pool, (uint64_t)1 << zone, expected->begin_s, 0, 0,
-                         &interference);
-    rl_residual_subtract(detector, zone, &interference,
-                         expected->begin_s - RL_SILENT_BITS * bit_s);
+    rl_residual_subtract(detector, zone, expected->begin_s,
+                         expected->begin_s - RL_SILENT_BITS * bit_s, NULL);
     const struct rl_sought sought = {.from_s = end_s - phase_s,
                                      .to_s = fmin(end_s + phase_s, detector->newest_s),
                                      .since_s = -INFINITY,

@@ -6,15 +6,6 @@
 
 #include <math.h>
 
-/* Add a packet to the interference, in place of the last one if that is full. */
-static void add_beside(struct rl_interference *interference, const struct rl_verdict *beside)
-{
-    if (interference->count == RL_MAX_TRAINS) {
-        interference->count--;
-    }
-    interference->train[interference->count++] = rl_train_of(beside);
-}
-
 /* The sum of zones that a packet may be seen in zone by zone: its channel if that is one, or of
  * those with a zone of its channel the one that varies most; the channel if there is none.
  */
@@ -85,7 +76,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector,
     rl_pool_interference(&detector->pool, detector->samples.channel[channel].mask,
                          train.begin_s - 3.0 * packet_s, hit->id, hit->id, interference);
     if (beside != NULL) {
-        add_beside(interference, beside);
+        rl_interference_add(interference, beside);
     }
     const struct rl_active_track *before = rl_pool_followed(&detector->pool, hit->id, &train);
     struct rl_case judged = {
@@ -147,17 +138,13 @@ static struct rl_verdict decide(struct rl_detector *detector, const struct rl_pe
  */
 static struct rl_pending search_without(struct rl_detector *detector, const struct rl_verdict *one)
 {
-    struct rl_interference interference;
     struct rl_pending found = {one->channel, one->packets, -INFINITY, {.count = 0}};
     const int channel = one->channel, packets = one->packets;
     const double bit_s = detector->settings.bit_s, packet_s = RL_PACKET_BITS * bit_s;
     const double to_s = detector->newest_s;
     const double from_s = to_s - RL_SEARCH_BITS * bit_s - (packets - 1) * packet_s;
-    rl_pool_interference(&detector->pool, detector->samples.channel[channel].mask,
-                         to_s - RL_CONTINUES_BITS * bit_s, one->id, one->id, &interference);
-    add_beside(&interference, one);
-    const double rest = rl_residual_subtract(detector, channel, &interference, from_s);
-    if (rest > RL_ACTIVE) {
+    const double since_s = to_s - RL_CONTINUES_BITS * bit_s;
+    if (rl_residual_subtract(detector, channel, since_s, from_s, one) > RL_ACTIVE) {
         struct rl_sought sought = {.packets = packets,
                                    .from_s = to_s,
                                    .to_s = to_s,

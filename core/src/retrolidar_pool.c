@@ -157,6 +157,14 @@ void rl_pool_interference(const struct rl_pool *pool, uint64_t zones, double sin
     }
 }
 
+void rl_interference_add(struct rl_interference *interference, const struct rl_verdict *verdict)
+{
+    if (interference->count == RL_MAX_TRAINS) {
+        interference->count--;
+    }
+    interference->train[interference->count++] = rl_train_of(verdict);
+}
+
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
 {
     uint64_t zones = 0;

@@ -14,15 +14,16 @@ enum {
 /* How many packets that repeat are added up, one after the other. */
 static const int COMBINED[] = {1, 2, 3, 5, RL_MAX_PACKETS};
 
+/* Search channels for packets until now; since_s: earlier samples are left out. */
 static void search(struct rl_detector *detector, const int *channels, int count, int packets,
-                   double from_s, double to_s, double since_s)
+                   double from_s, double since_s)
 {
     struct rl_hits *hits = detector->hits;
     if (count == 0) {
         return;
     }
-    const struct rl_sought sought = {packets, from_s, to_s, since_s, detector->min_nats,
-                                     detector->max_llr_deficit};
+    const struct rl_sought sought = {packets, from_s, detector->newest_s, since_s,
+                                     detector->min_nats, detector->max_llr_deficit};
     rl_search_channels(&detector->search, &sought, channels, count, hits);
     for (int i = 0; i < count; i++) {
         if (hits[i].count > 0 && detector->pendings < RL_MAX_PENDING) {
@@ -32,16 +33,17 @@ static void search(struct rl_detector *detector, const int *channels, int count,
     }
 }
 
-/* List the channels without a reading in the last `bits`; active: only those that vary. */
-static int ready(const struct rl_detector *detector, double bits, double to_s, bool active,
-                 int max_zones, int *channels)
+/* List the channels without a reading in the last `bits`: of those that vary, or all single zones.
+ */
+static int ready(const struct rl_detector *detector, double bits, bool that_vary, int *channels)
 {
+    const struct rl_samples *samples = &detector->samples;
+    const double since_s = detector->newest_s - bits * detector->settings.bit_s;
     int count = 0;
-    const double since_s = to_s - bits * detector->settings.bit_s;
-    for (int channel = 0; channel < detector->samples.channels; channel++) {
+    for (int channel = 0; channel < samples->channels; channel++) {
+        const int zones = samples->channel[channel].zones;
         if (detector->consumed_until_s[channel] <= since_s &&
-            detector->samples.channel[channel].zones <= max_zones &&
-            (!active || rl_noise_variation(&detector->samples, channel) > RL_ACTIVE)) {
+            (that_vary ? rl_noise_variation(samples, channel) > RL_ACTIVE : zones == 1)) {
             channels[count++] = channel;
         }
     }
@@ -49,16 +51,16 @@ static int ready(const struct rl_detector *detector, double bits, double to_s, b
 }
 
 /* Keep the channels in which, since the last packet read (or since time 0), so many bits became
- * complete within (from_s, to_s].
+ * complete since `from_s`.
  */
 static int due(const struct rl_detector *detector, int *channels, int count, double bits,
-               double from_s, double to_s)
+               double from_s)
 {
     int kept = 0;
     for (int i = 0; i < count; i++) {
         const double since_s =
             fmax(detector->consumed_until_s[channels[i]], 0.0) + bits * detector->settings.bit_s;
-        if (since_s > from_s && since_s <= to_s) {
+        if (since_s > from_s && since_s <= detector->newest_s) {
             channels[kept++] = channels[i];
         }
     }
@@ -71,24 +73,21 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
  *
  * since_s: packets that ended more than RL_CONTINUES_BITS earlier are not subtracted
  */
-static uint64_t subtract_read(struct rl_detector *detector, double since_s, double to_s,
-                              double *rest)
+static uint64_t subtract_read(struct rl_detector *detector, double since_s, double *rest)
 {
     const struct rl_samples *samples = &detector->samples;
     const double bit_s = detector->settings.bit_s;
-    const double forgotten_s = to_s - SEARCHED_BITS * bit_s;
+    const double forgotten_s = detector->newest_s - SEARCHED_BITS * bit_s;
     uint64_t zones = rl_pool_zones(&detector->pool, forgotten_s);
     for (int zone = 0; zone < samples->zones; zone++) {
-        const uint64_t own = (uint64_t)1 << zone;
+        const uint64_t own = samples->channel[zone].mask;
         if (rl_noise_variation(samples, zone) <= RL_ACTIVE) {
             zones &= ~own;
         }
         if ((zones & own) != 0) {
-            struct rl_interference interference;
-            rl_pool_interference(&detector->pool, own,
-                                 since_s - RL_CONTINUES_BITS * bit_s, 0, 0, &interference);
-            rest[zone] = rl_residual_subtract(detector, zone, &interference,
-                                              since_s - RL_SEARCH_BITS * bit_s);
+            rest[zone] =
+                rl_residual_subtract(detector, zone, since_s - RL_CONTINUES_BITS * bit_s,
+                                     since_s - RL_SEARCH_BITS * bit_s, NULL);
             if (detector->consumed_until_s[zone] <= forgotten_s &&
                 rest[zone] > RL_MOST * rl_noise_variation(samples, zone)) {
                 rl_residual_restore(detector, zone);
@@ -109,13 +108,13 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
  *
  * from_s: packets that ended earlier have been searched with the same ones subtracted
  */
-static void search_residual(struct rl_detector *detector, double from_s, double to_s)
+static void search_residual(struct rl_detector *detector, double from_s)
 {
     const struct rl_samples *samples = &detector->samples;
-    const double forgotten_s = to_s - SEARCHED_BITS * detector->settings.bit_s;
+    const double forgotten_s = detector->newest_s - SEARCHED_BITS * detector->settings.bit_s;
     const double anew_s = fmin(from_s, fmax(detector->read_from_s, forgotten_s));
     double rest[RL_MAX_CHANNELS];
-    const uint64_t subtracted = subtract_read(detector, anew_s, to_s, rest);
+    const uint64_t subtracted = subtract_read(detector, anew_s, rest);
     for (int again = 0; again < 2; again++) {
         int channels[RL_MAX_CHANNELS], count = 0;
         for (int channel = 0; channel < samples->channels; channel++) {
@@ -126,8 +125,8 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
             }
         }
         const double ended_s = again ? anew_s : from_s;
-        search(detector, channels, count, 0, ended_s, to_s, -INFINITY);
-        search(detector, channels, count, 1, ended_s, to_s, -INFINITY);
+        search(detector, channels, count, 0, ended_s, -INFINITY);
+        search(detector, channels, count, 1, ended_s, -INFINITY);
     }
     for (int channel = 0; channel < samples->channels; channel++) {
         if ((samples->channel[channel].mask & subtracted) != 0) {
@@ -139,8 +138,9 @@ static void search_residual(struct rl_detector *detector, double from_s, double 
 }
 
 /* Judge the next packet of each active track, without a search. */
-static void judge_next(struct rl_detector *detector, double from_s, double to_s)
+static void judge_next(struct rl_detector *detector, double from_s)
 {
+    const double to_s = detector->newest_s;
     for (int i = 0; i < detector->pool.count && detector->decisions_left > 0; i++) {
         const struct rl_active_track *track = &detector->pool.track[i];
         struct rl_transmission next = track->train.transmission;
@@ -164,16 +164,16 @@ static void judge_next(struct rl_detector *detector, double from_s, double to_s)
 /* Search zones where something appeared lately, and nothing was read since, in the samples since
  * then only.
  */
-static void search_appeared(struct rl_detector *detector, double to_s)
+static void search_appeared(struct rl_detector *detector)
 {
-    const double bit_s = detector->settings.bit_s;
+    const double bit_s = detector->settings.bit_s, to_s = detector->newest_s;
     const double min_bits =
         rl_decide_min_bits(&detector->search.codebook, &detector->settings.thresholds);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
         if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
             bits < RL_PACKET_BITS) {
-            search(detector, &zone, 1, 1, to_s, to_s, since_s);
+            search(detector, &zone, 1, 1, to_s, since_s);
         }
     }
 }
@@ -181,12 +181,12 @@ static void search_appeared(struct rl_detector *detector, double to_s)
 /* Note since when zones vary by more than their noise: from the end of the newest exposure on, as
  * that has seen only a part of what has just appeared.
  */
-static void note_active(struct rl_detector *detector, double to_s)
+static void note_active(struct rl_detector *detector)
 {
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         double *since_s = &detector->active_s[zone];
         const bool is_active = rl_noise_variation(&detector->samples, zone) > RL_ACTIVE;
-        *since_s = !is_active ? INFINITY : *since_s == INFINITY ? to_s : *since_s;
+        *since_s = !is_active ? INFINITY : *since_s == INFINITY ? detector->newest_s : *since_s;
     }
 }
 
@@ -218,16 +218,16 @@ void rl_process_frame(struct rl_detector *detector)
     detector->search.dropped = false;
     detector->decisions_left = RL_DECISIONS;
     detector->newest_s = to_s;
-    note_active(detector, to_s);
+    note_active(detector);
     const double packet_bits = RL_PACKET_BITS * (1.0 - RL_MAX_SKEW) - RL_OVERLAP_BITS;
     if (held_s < (RL_PACKET_BITS - 0.5) * bit_s) {
         return;
     }
-    judge_next(detector, from_s, to_s);
-    int count = ready(detector, packet_bits, to_s, true, RL_MAX_ZONES, channels);
-    search(detector, channels, count, 0, from_s, to_s, -INFINITY);
+    judge_next(detector, from_s);
+    int count = ready(detector, packet_bits, true, channels);
+    search(detector, channels, count, 0, from_s, -INFINITY);
     if (comes(STRETCH_BITS * bit_s, from_s, to_s)) {
-        search(detector, channels, count, 1, from_s, to_s, -INFINITY);
+        search(detector, channels, count, 1, from_s, -INFINITY);
     }
     const double slot_s = RL_LOOK_BITS * bit_s;
     const int64_t slot = (int64_t)floor(to_s / slot_s);
@@ -240,17 +240,17 @@ void rl_process_frame(struct rl_detector *detector)
         if (held_s < bits * bit_s || bits * bit_s > samples->kept * samples->period_s) {
             break;
         }
-        count = ready(detector, bits - RL_OVERLAP_BITS, to_s, false, 1, channels);
+        count = ready(detector, bits - RL_OVERLAP_BITS, false, channels);
         if (!is_new_slot || slot % (RL_PACKET_BITS / RL_LOOK_BITS + 1) != round) {
-            count = due(detector, channels, count, bits, from_s, to_s);
+            count = due(detector, channels, count, bits, from_s);
         }
-        search(detector, channels, count, COMBINED[round], from_s, to_s, -INFINITY);
+        search(detector, channels, count, COMBINED[round], from_s, -INFINITY);
     }
     if (comes(bit_s, from_s, to_s)) {
-        search_appeared(detector, to_s);
+        search_appeared(detector);
     }
     if (is_new_slot) {
-        search_residual(detector, floor(from_s / slot_s) * slot_s, to_s);
+        search_residual(detector, floor(from_s / slot_s) * slot_s);
     }
     while (detector->pendings > 0 && detector->decisions_left > 0) {
         int best = 0;

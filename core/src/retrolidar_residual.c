@@ -42,17 +42,22 @@ static void fill_missing(float *signal, const uint8_t *valid, int rows)
     }
 }
 
-double rl_residual_subtract(struct rl_detector *detector, int zone,
-                            const struct rl_interference *interference, double from_s)
+double rl_residual_subtract(struct rl_detector *detector, int zone, double since_s, double from_s,
+                            const struct rl_verdict *beside)
 {
     struct rl_samples *samples = &detector->samples;
     /* Packets are subtracted while none is judged, so they are fitted in a window of these. */
     struct rl_window *window = detector->other_zone;
     const int oldest = rl_samples_oldest(samples), first = rl_samples_row(samples, from_s);
+    const uint16_t id = beside != NULL ? beside->id : 0;
     int rows;
     detector->saved_row = first > oldest ? first : oldest;
     float *signal = save(detector, zone, &rows);
-    window->interference = *interference;
+    rl_pool_interference(&detector->pool, samples->channel[zone].mask, since_s, id, id,
+                         &window->interference);
+    if (beside != NULL) {
+        rl_interference_add(&window->interference, beside);
+    }
     rl_window_open(window, zone, false, samples->begin_s[detector->saved_row],
                    samples->end_s[samples->count - 1]);
     memmove(signal, window->column.signal, (size_t)rows * sizeof *signal);
