@@ -129,7 +129,7 @@ void rl_interference_add(struct rl_interference *interference, const struct rl_v
 /* Zones that saw a train which ended after a time, and the zones beside them. */
 uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s);
 
-/* Subtract packets that were read from the samples of a zone since `from_s`, as far as they are seen
+/* Subtract packets that were read from a zone's samples since `from_s`, as far as they are seen
  * there. Return the variance of the rest over the newest packet's length, over that of the noise.
  *
  * since_s: packets that ended earlier are not subtracted

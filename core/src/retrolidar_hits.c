@@ -24,23 +24,6 @@ static float min_of(float nats, const struct rl_soft_summary *summary)
     return summary->power * (1.0f - expf(-2.0f * nats / summary->samples));
 }
 
-/* The first slot that no entry refers to; there is always one. */
-static int free_slot(const struct rl_shortlist *shortlist)
-{
-    bool is_taken[RL_SLOTS] = {false};
-    int slot = 0;
-    for (int i = 0; i < shortlist->words; i++) {
-        is_taken[shortlist->word[i].slot] = true;
-    }
-    for (int i = 0; i < shortlist->sequences; i++) {
-        is_taken[shortlist->sequence[i].slot] = true;
-    }
-    while (slot < RL_SLOTS - 1 && is_taken[slot]) {
-        slot++;
-    }
-    return slot;
-}
-
 /* Keep an item if it is among the best, and better than the kept one of its kind; same: index of
  * that, or the count if there is none.
  */
@@ -59,16 +42,14 @@ static void keep_best_of_kind(void *kept, int *count, int max_count, int same, c
 }
 
 /* Keep the best sequence of each clock. */
-static void keep_sequence(struct rl_shortlist *shortlist, struct rl_shortlist_entry entry)
+static void keep_sequence(struct rl_shortlist *shortlist, const struct rl_shortlist_entry *entry)
 {
-    const struct rl_slot *slots = shortlist->slot;
     struct rl_shortlist_entry *kept = shortlist->sequence;
     int same = 0;
-    while (same < shortlist->sequences &&
-           slots[kept[same].slot].trial.bit_s != slots[entry.slot].trial.bit_s) {
+    while (same < shortlist->sequences && kept[same].trial.bit_s != entry->trial.bit_s) {
         same++;
     }
-    keep_best_of_kind(kept, &shortlist->sequences, RL_TRIED, same, &entry, sizeof entry);
+    keep_best_of_kind(kept, &shortlist->sequences, RL_TRIED, same, entry, sizeof *entry);
 }
 
 /* The power that the best sequence of bits explains. */
@@ -99,19 +80,16 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *
         return;
     }
     const float upper_bound = nats_of(any, summary);
-    const int slot = free_slot(shortlist);
-    float *soft = shortlist->slot[slot].soft;
+    struct rl_shortlist_entry entry = {upper_bound, 0, *trial, .summary = *summary};
     /* If only a part is seen, the preamble may be missing, so all starts are kept. */
     const int max_words = shifts > 1 && trial->seen != RL_ALL_BITS ? RL_PACKET_BITS : RL_HITS;
-    shortlist->slot[slot].trial = *trial;
-    shortlist->slot[slot].summary = *summary;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        soft[bit] = sums->soft[lane / RL_LANES][bit][lane % RL_LANES];
+        entry.soft[bit] = sums->soft[lane / RL_LANES][bit][lane % RL_LANES];
     }
-    keep_sequence(shortlist, (struct rl_shortlist_entry){upper_bound, 0, slot});
+    keep_sequence(shortlist, &entry);
     float twice[2 * RL_PACKET_BITS], until[2 * RL_PACKET_BITS + 1] = {0.0f};
-    memcpy(twice, soft, RL_PACKET_BITS * sizeof *soft);
-    memcpy(twice + RL_PACKET_BITS, soft, RL_PACKET_BITS * sizeof *soft);
+    memcpy(twice, entry.soft, sizeof entry.soft);
+    memcpy(twice + RL_PACKET_BITS, entry.soft, sizeof entry.soft);
     for (int bit = 0; bit < RL_PACKET_BITS + shifts - 1; bit++) {
         until[bit + 1] = until[bit] + rl_maxf(twice[bit], 0.0f);
     }
@@ -129,9 +107,9 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *
         if (squared < least) {
             continue;
         }
-        const float nats = nats_of(squared, summary);
-        if (upper_bound - nats <= criteria->max_llr_deficit) {
-            const struct rl_shortlist_entry entry = {nats, shift, slot};
+        entry.nats = nats_of(squared, summary);
+        entry.shift = shift;
+        if (upper_bound - entry.nats <= criteria->max_llr_deficit) {
             rl_keep_best(shortlist->word, &shortlist->words, max_words, &entry, sizeof entry);
         }
     }
@@ -140,18 +118,18 @@ void rl_shortlist_add(struct rl_shortlist *shortlist, const struct rl_criteria *
 /* The sequence of bits that explains most: from the signs of the soft bits, by flipping one at a
  * time. In a long run of equal bits the level follows their light, so their signs say little.
  */
-static uint32_t best_bits(const struct rl_slot *slot, const struct rl_smooth *smooth)
+static uint32_t best_bits(const struct rl_shortlist_entry *entry, const struct rl_smooth *smooth)
 {
-    const struct rl_energy *energy = &slot->trial.energy;
-    float sum = slot->summary.any;
-    uint32_t bits = slot->summary.dark;
+    const struct rl_energy *energy = &entry->trial.energy;
+    float sum = entry->summary.any;
+    uint32_t bits = entry->summary.dark;
     float best = sum * sum / rl_energy_of(energy, smooth, bits);
     for (int flipped = 0; flipped >= 0;) {
         float best_sum = sum;
         flipped = -1;
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
             const uint32_t other = bits ^ rl_packet_bit(bit);
-            const float other_sum = other & ~bits ? sum + slot->soft[bit] : sum - slot->soft[bit];
+            const float other_sum = other & ~bits ? sum + entry->soft[bit] : sum - entry->soft[bit];
             if (other == 0 || other_sum <= 0.0f) {
                 continue;
             }
@@ -212,17 +190,16 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
     hits->count = hits->sequences = 0;
     for (int word = 0; word < shortlist->words; word++) {
         const struct rl_shortlist_entry *entry = &shortlist->word[word];
-        const struct rl_slot *slot = &shortlist->slot[entry->slot];
-        const struct rl_trial *trial = &slot->trial;
+        const struct rl_trial *trial = &entry->trial;
         const float packets = (float)trial->packets;
         /* A word that other bits exceed by so much is neither a packet nor a rival. */
-        const float upper_bound = rl_llr_upper_bound(criteria, trial, &slot->summary);
+        const float upper_bound = rl_llr_upper_bound(criteria, trial, &entry->summary);
         const float min_nats =
             rl_maxf(criteria->least, upper_bound - 2.0f * criteria->max_llr_deficit);
-        const float least = min_of(min_nats, &slot->summary);
+        const float least = min_of(min_nats, &entry->summary);
         float soft[RL_PACKET_BITS];
         for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-            soft[bit] = slot->soft[(bit + entry->shift) % RL_PACKET_BITS];
+            soft[bit] = entry->soft[(bit + entry->shift) % RL_PACKET_BITS];
         }
         struct rl_word best[2];
         rl_codebook_best(codebook, &trial->energy, criteria->smooth, soft,
@@ -231,7 +208,7 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
             /* The packet that began first in the window, or before it. */
             const int begin = entry->shift > 0 ? entry->shift - RL_PACKET_BITS : 0;
             const struct rl_hit hit = {
-                .nats = nats_of(best[i].squared / packets, &slot->summary),
+                .nats = nats_of(best[i].squared / packets, &entry->summary),
                 .id = codebook->id[best[i].index],
                 .transmission = {.bits = codebook->packet[best[i].index],
                                  .repeats = criteria->repeats,
@@ -242,12 +219,12 @@ void rl_hits_find(struct rl_hits *hits, const struct rl_shortlist *shortlist,
         }
     }
     for (int i = 0; hits->count > 0 && i < shortlist->sequences; i++) {
-        const struct rl_slot *slot = &shortlist->slot[shortlist->sequence[i].slot];
+        const struct rl_shortlist_entry *entry = &shortlist->sequence[i];
         hits->sequence[hits->sequences++] = (struct rl_transmission){
-            .bits = best_bits(slot, criteria->smooth),
+            .bits = best_bits(entry, criteria->smooth),
             .repeats = criteria->repeats,
-            .start_s = start_of(&slot->trial),
-            .bit_s = slot->trial.bit_s,
+            .start_s = start_of(&entry->trial),
+            .bit_s = entry->trial.bit_s,
         };
     }
 }

@@ -10,13 +10,7 @@
 #include "retrolidar_template.h"
 #include "retrolidar_view.h"
 
-enum {
-    RL_HITS = 2 * RL_TRIED, /* of a search, and its shortlist entries of whole packets */
-    /* Each entry of a whole packet may be of another trial, and one more slot is for the next
-     * trial. If only a part is seen there are more entries, but of RL_TRIED trials only.
-     */
-    RL_SLOTS = RL_HITS + RL_TRIED + 1,
-};
+enum { RL_HITS = 2 * RL_TRIED }; /* of a search, and its shortlist entries of whole packets */
 
 /* A packet that may be there. */
 struct rl_hit {
@@ -25,15 +19,10 @@ struct rl_hit {
     struct rl_transmission transmission;
 };
 
-/* A packet or sequence that the soft bits of a trial may hold. */
+/* A packet or sequence that the soft bits of a trial in one lane may hold. */
 struct rl_shortlist_entry {
     float nats; /* bound of the packets that begin there, or of any sequence of bits */
     int shift;  /* bit of the window with which the packet begins */
-    int slot;   /* of the trial */
-};
-
-/* A trial and its soft bits in one lane. */
-struct rl_slot {
     struct rl_trial trial;
     float soft[RL_PACKET_BITS];
     struct rl_soft_summary summary;
@@ -53,7 +42,6 @@ struct rl_shortlist {
     int words, sequences;
     struct rl_shortlist_entry word[RL_PACKET_BITS];
     struct rl_shortlist_entry sequence[RL_TRIED];
-    struct rl_slot slot[RL_SLOTS];
 };
 
 /* What a hit must fulfil. */
