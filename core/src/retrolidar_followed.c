@@ -162,7 +162,7 @@ void rl_followed_bearing(struct rl_followed *followed, const struct rl_scenery *
  * the presence.
  */
 static struct rl_glance observe(struct rl_followed *followed, const struct rl_scenery *scenery,
-                                struct rl_zone_sample *sample, bool *crossed)
+                                struct rl_zone_sample *sample)
 {
     const struct rl_samples *samples = scenery->samples;
     const struct rl_motion before = rl_range_estimate(&followed->range);
@@ -177,26 +177,32 @@ static struct rl_glance observe(struct rl_followed *followed, const struct rl_sc
         .light = followed->light,
         .edge_variance = followed->slope * followed->slope * followed->clock.variance,
     };
-    *crossed = rl_zone_measure(followed->zone, samples, sample,
-                               rl_followed_strongest(followed, samples), &glance);
+    rl_zone_measure(followed->zone, samples, sample, rl_followed_strongest(followed, samples),
+                    &glance);
     if (rl_presence_update(&followed->presence, &glance)) {
         followed->last_ns = samples->stamp_ns[scenery->row];
     }
     return glance;
 }
 
+/* Update the light of all zones by what was observed. */
+static void update_zones(struct rl_followed *followed, const struct rl_samples *samples,
+                         const struct rl_zone_sample *sample, const struct rl_glance *glance)
+{
+    rl_zone_update(followed->zone, samples, sample, rl_followed_strongest(followed, samples),
+                   glance);
+    followed->crossed = glance->crossed ? 1.0 : followed->crossed;
+}
+
 void rl_followed_replay(struct rl_followed *followed, const struct rl_scenery *scenery,
                         double light)
 {
     struct rl_zone_sample sample[RL_MAX_ZONES];
-    bool crossed;
     followed->light = light;
     followed->slope = 0.0;
     move(followed, scenery);
-    const struct rl_glance glance = observe(followed, scenery, sample, &crossed);
-    rl_zone_update(followed->zone, scenery->samples, sample,
-                   rl_followed_strongest(followed, scenery->samples), &glance, crossed);
-    followed->crossed = crossed ? 1.0 : followed->crossed;
+    const struct rl_glance glance = observe(followed, scenery, sample);
+    update_zones(followed, scenery->samples, sample, &glance);
     if (light > SHARED_LIGHT) {
         followed->strongest = rl_followed_strongest(followed, scenery->samples);
     }
@@ -222,8 +228,7 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
 {
     const struct rl_samples *samples = scenery->samples;
     struct rl_zone_sample sample[RL_MAX_ZONES];
-    bool crossed;
-    const struct rl_glance glance = observe(followed, scenery, sample, &crossed);
+    const struct rl_glance glance = observe(followed, scenery, sample);
     const double off = fabs(glance.measured - glance.light);
     if (!isfinite(glance.variance) ||
         off > fmax(MAX_OFF, MAX_DEVIATIONS * sqrt(glance.variance + glance.edge_variance))) {
@@ -232,9 +237,7 @@ void rl_followed_update(struct rl_followed *followed, const struct rl_scenery *s
     }
     followed->off_scale = followed->light > RL_BRIGHT ? 0 : followed->off_scale;
     update_clock(followed, scenery, &glance);
-    rl_zone_update(followed->zone, samples, sample, rl_followed_strongest(followed, samples),
-                   &glance, crossed);
-    followed->crossed = crossed ? 1.0 : followed->crossed;
+    update_zones(followed, samples, sample, &glance);
     if (followed->light > SHARED_LIGHT) {
         followed->shared_s = rl_scenery_now(scenery);
         rl_followed_bearing(followed, scenery);

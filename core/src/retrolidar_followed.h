@@ -19,11 +19,10 @@ struct rl_presence {
     double log_odds;    /* that it is there, and sends the same [nats] */
 };
 
-/* chance: that it continues as predicted */
+/* Begin, or begin anew: only the time since it was seen is kept. chance: that it continues as
+ * predicted
+ */
 void rl_presence_start(struct rl_presence *presence, double chance);
-
-/* Begin anew, but keep the time since it was seen. */
-void rl_presence_restart(struct rl_presence *presence, double chance);
 
 /* What a frame shows of a marker. */
 struct rl_glance {
@@ -33,6 +32,7 @@ struct rl_glance {
     double variance;      /* of that; infinite if no zone is valid */
     double level;         /* of the zone, in the same unit; another marker may be a part of it */
     double edge_variance; /* of the predicted light, by the error of the clock */
+    bool crossed;         /* whether the zones' shares have changed: it has crossed an edge */
 };
 
 /* The probability that there is light of another marker. */
@@ -98,10 +98,8 @@ int rl_zone_strongest(const struct rl_zone_light *lights, const struct rl_sample
 bool rl_zone_sees(const struct rl_zone_light *lights, const struct rl_samples *held, int zone,
                   int strongest);
 
-/* Measure the light of a marker in the strongest zone and those beside it. Return whether the
- * zones' shares have changed: it has crossed an edge.
- */
-bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
+/* Measure the light of a marker in the strongest zone and those beside it. */
+void rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
                      const struct rl_zone_sample *samples, int strongest,
                      struct rl_glance *glance);
 
@@ -109,10 +107,10 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
 void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, int strongest,
                      double step_s, double crossed);
 
-/* Update all zones with samples of the predicted light; crossed: its shares have changed. */
+/* Update all zones with samples of the predicted light. */
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
                     const struct rl_zone_sample *samples, int strongest,
-                    const struct rl_glance *glance, bool crossed);
+                    const struct rl_glance *glance);
 
 /* Light falls with the range by this power (paper Fig. 5a). */
 static const double RL_EXPONENT = -3.8;

@@ -30,17 +30,11 @@ static const double MIN_CHANCE = 1e-9, MAX_STEP_S = 0.1;
 
 void rl_presence_start(struct rl_presence *presence, double chance)
 {
-    memset(presence, 0, sizeof *presence);
+    memset(presence->chance, 0, sizeof presence->chance);
     presence->chance[SAME] = chance;
     presence->chance[OTHER_DARK] = presence->chance[OTHER_BRIGHT] = (1.0 - chance) / 2;
+    presence->seen_nats = 0.0;
     presence->log_odds = log(chance / (1.0 - chance));
-}
-
-void rl_presence_restart(struct rl_presence *presence, double chance)
-{
-    const double unseen_bits = presence->unseen_bits;
-    rl_presence_start(presence, chance);
-    presence->unseen_bits = unseen_bits;
 }
 
 static double density(double value, double mean, double variance)

@@ -75,8 +75,8 @@ static void integrate_all(struct rl_search *search, const struct rl_trial *trial
     }
 }
 
-/* Try packets that end at one time, at all clocks, in all lanes or in those with words only. */
-static void try_ends(struct rl_search *search, int count, double end_s, bool all, int shifts,
+/* Try packets that end at one time, at all clocks; or rivals only: any bits, in lanes with words. */
+static void try_ends(struct rl_search *search, int count, double end_s, bool rivals,
                      const struct rl_criteria *criteria)
 {
     /* The ends of a packet differ by a phase from one clock to the next. */
@@ -85,18 +85,12 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool all
     for (int clock = -clocks; clock <= clocks; clock++) {
         trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
-        if (all) {
-            integrate_all(search, &trial);
-        }
+        integrate_all(search, &trial);
         for (int lane = 0; lane < count; lane++) {
-            if (!all) {
-                if (search->shortlist[lane].words == 0) {
-                    continue;
-                }
-                rl_view_integrate_and_dump(&search->view, &trial, lane / RL_LANES, &search->sums);
+            if (!rivals || search->shortlist[lane].words > 0) {
+                rl_shortlist_add(&search->shortlist[lane], criteria, &trial, &search->sums, lane,
+                                 rivals ? 0 : 1);
             }
-            rl_shortlist_add(&search->shortlist[lane], criteria, &trial, &search->sums, lane,
-                             shifts);
         }
     }
 }
@@ -108,7 +102,7 @@ static void search_ended(struct rl_search *search, int count, double from_s, dou
     const double newest = floor(to_s / eighth_s);
     int back = 0;
     for (; (newest - back) * eighth_s > from_s; back++) {
-        try_ends(search, count, (newest - back) * eighth_s, true, 1, criteria);
+        try_ends(search, count, (newest - back) * eighth_s, false, criteria);
     }
     bool promising = false;
     for (int lane = 0; lane < count; lane++) {
@@ -119,7 +113,7 @@ static void search_ended(struct rl_search *search, int count, double from_s, dou
     }
     /* Rivals of these: sequences of bits at any phase. */
     for (; back < EIGHTHS; back++) {
-        try_ends(search, count, (newest - back) * eighth_s, false, 0, criteria);
+        try_ends(search, count, (newest - back) * eighth_s, true, criteria);
     }
 }
 

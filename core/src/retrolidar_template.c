@@ -15,11 +15,11 @@ static const double SAME_PHASE_BITS = 1.0;
 /* What was read begins with a packet if it begins by this share of one earlier. */
 static const double WHOLE = 1.0 / RL_PACKET_BITS;
 
+/* The levels before the packet, of each bit, and after them; and the integral of the light from the
+ * start of the packet to the begin of each bit, and of what follows [s].
+ */
 struct packet {
-    /* Of each bit, and of the idle time after them: its level, the level before it, and the
-     * integral of the light from the start of the packet to its begin [s].
-     */
-    double level[RL_PACKET_BITS + 1], before[RL_PACKET_BITS + 1], elapsed[RL_PACKET_BITS + 1];
+    double level[RL_PACKET_BITS + 2], elapsed[RL_PACKET_BITS + 1];
 };
 
 /* The integral of an exponential step over a time since it began [s]. */
@@ -36,17 +36,16 @@ static double relaxed(double before, double level, double since_s)
 static void lay_out(const struct rl_transmission *transmission, struct packet *packet)
 {
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        packet->level[bit] = transmission->bits & rl_packet_bit(bit) ? 0.0 : 1.0;
+        packet->level[bit + 1] = transmission->bits & rl_packet_bit(bit) ? 0.0 : 1.0;
     }
-    packet->level[RL_PACKET_BITS] = transmission->dark_after ? 0.0 : 1.0;
-    packet->before[0] = transmission->repeats ? packet->level[RL_PACKET_BITS - 1]
-                                              : (transmission->dark_before ? 0.0 : 1.0);
+    packet->level[RL_PACKET_BITS + 1] = transmission->dark_after ? 0.0 : 1.0;
+    packet->level[0] = transmission->repeats ? packet->level[RL_PACKET_BITS]
+                                             : (transmission->dark_before ? 0.0 : 1.0);
     packet->elapsed[0] = 0.0;
     for (int bit = 0; bit < RL_PACKET_BITS; bit++) {
-        packet->before[bit + 1] = packet->level[bit];
         packet->elapsed[bit + 1] =
             packet->elapsed[bit] +
-            relaxed(packet->before[bit], packet->level[bit], transmission->bit_s);
+            relaxed(packet->level[bit], packet->level[bit + 1], transmission->bit_s);
     }
 }
 
@@ -92,7 +91,7 @@ static double integral(const struct rl_transmission *transmission, const struct 
         passed_s = since_s - place->bit_s;
     }
     return place->sent + packet->elapsed[place->bit] +
-           relaxed(packet->before[place->bit], packet->level[place->bit],
+           relaxed(packet->level[place->bit], packet->level[place->bit + 1],
                    passed_s > 0.0 ? passed_s : 0.0);
 }
 

@@ -81,8 +81,7 @@ static void take(struct rl_tracks *tracks, const struct rl_reading *reading)
     begun->first_s = fmin(begun->first_s, first_s);
     tracks->counts.started += !was_followed;
     if (++tracks->count > RL_MAX_TRACKS) {
-        end(tracks, weakest(tracks));
-        tracks->counts.ended--;
+        remove_track(tracks, weakest(tracks));
         tracks->counts.dropped++;
     }
 }

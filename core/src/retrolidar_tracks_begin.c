@@ -119,7 +119,7 @@ static void refit(struct rl_tracks *tracks, struct rl_followed *old, const struc
             old->behind[i] = (struct rl_background){0.0, 0.0};
         }
     }
-    rl_presence_restart(&old->presence, REPEATS);
+    rl_presence_start(&old->presence, REPEATS);
 }
 
 /* Fit the marker that begins, and then those beside it. */
@@ -159,7 +159,7 @@ static void replay(struct rl_tracks *tracks, struct rl_followed *followed,
     followed->crossed = crossed;
     followed->shared_s = rl_scenery_now(&tracks->scenery);
     /* The packet that was read says nothing of what it sends next. */
-    rl_presence_restart(&followed->presence, chance);
+    rl_presence_start(&followed->presence, chance);
     for (int row = window->first + window->rows; row < tracks->scenery.samples->count; row++) {
         see(tracks, followed, reading->zone[0], row);
         rl_followed_predict(followed, &tracks->scenery);

@@ -94,7 +94,7 @@ bool rl_zone_sees(const struct rl_zone_light *lights, const struct rl_samples *h
                                    rl_zone_beside(zone, strongest, held->sensor.columns);
 }
 
-bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
+void rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples *held,
                      const struct rl_zone_sample *samples, int strongest,
                      struct rl_glance *glance)
 {
@@ -117,7 +117,7 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
     glance->measured = 0.0;
     glance->variance = INFINITY;
     if (!(energy > 0.0)) {
-        return false;
+        return;
     }
     glance->level = fmax(lights[strongest].level, 0.0) / lights[strongest].gain;
     glance->measured = cross / energy;
@@ -129,9 +129,8 @@ bool rl_zone_measure(const struct rl_zone_light *lights, const struct rl_samples
         lost * lost > MAX_SURPRISE * glance->variance) {
         glance->measured = all;
         glance->variance = variance / (gain * gain);
-        return true;
+        glance->crossed = true;
     }
-    return false;
 }
 
 void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held, int strongest,
@@ -150,7 +149,7 @@ void rl_zone_predict(struct rl_zone_light *lights, const struct rl_samples *held
 
 void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
                     const struct rl_zone_sample *samples, int strongest,
-                    const struct rl_glance *glance, bool crossed)
+                    const struct rl_glance *glance)
 {
     const double light = glance->light;
     for (int zone = 0; zone < held->zones; zone++) {
@@ -164,7 +163,8 @@ void rl_zone_update(struct rl_zone_light *lights, const struct rl_samples *held,
         double gain = one->common + light * one->gain_variance;
         double spread = level + light * gain + noise;
         const double surprise = off * off / spread;
-        const bool is_shared = crossed && rl_zone_beside(zone, strongest, held->sensor.columns);
+        const bool is_shared =
+            glance->crossed && rl_zone_beside(zone, strongest, held->sensor.columns);
         if (surprise > MAX_SURPRISE && light > BRIGHT_LIGHT &&
             (is_shared || (zone == strongest && light > WHOLE_LIGHT))) {
             one->gain_variance += off * off / (light * light);

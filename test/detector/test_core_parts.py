@@ -189,9 +189,10 @@ def test_a_gain_is_learnt_at_once_where_light_has_moved(
     lights[5].gain, lights[6].gain, lights[7].gain = 100.0, 40.0, 40.0
     before = lights[zone].gain
     samples[zone] = (True, 10.0 + light * (before + 60.0), 4.0)
-    glance = ffi.new('struct rl_glance *', {'step_s': 0.021, 'bit_s': 0.042, 'light': light})
+    seen = {'step_s': 0.021, 'bit_s': 0.042, 'light': light, 'crossed': crossed}
+    glance = ffi.new('struct rl_glance *', seen)
     held = ffi.new('struct rl_samples *', {'zones': 16, 'sensor': {'columns': 4}})
-    lib.rl_zone_update(lights, held, samples, 5, glance, crossed)
+    lib.rl_zone_update(lights, held, samples, 5, glance)
     learnt = (lights[zone].gain - before) / 60.0
     assert learnt > 0.9 if learns else learnt < 0.1
     assert np.isfinite(lights[zone].gain_variance)
