@@ -218,7 +218,7 @@ class Statistics:
         judged = self.case({'channel': source, 'packets': packets, 'id': first.id})
         judged.verdict.transmission = first.transmission
         judged.thresholds, judged.hits, judged.to_s = thresholds, given, to_s
-        judged.consumed_until_s = judged.since_s = -np.inf
+        judged.read_until_s = judged.since_s = -np.inf
         return self.lib.rl_decide(judged)
 
     def case(self, verdict: dict[str, Any]) -> Any:
@@ -230,7 +230,7 @@ class Statistics:
         """Return bits of a packet in the window, and its margins against sequences and parts."""
         lib, given = self.lib, self.given(sending)
         judged = self.case({'packets': 1, 'id': number, 'transmission': given[0]})
-        judged.own = self.attempt(sending).log_likelihood
+        judged.log_likelihood = self.attempt(sending).log_likelihood
         begin_s = self.samples.begin_s[self.window.first]
         begin = round((begin_s - sending.start_s) / sending.bit_s) % PACKET_BITS
         judged.bits = lib.rl_bits_cut(given, begin, 0)

@@ -36,7 +36,7 @@ double rl_word_sequence(const struct rl_case *judged, double too_much)
     for (int i = 0; i < judged->hits->sequences && better <= too_much; i++) {
         struct rl_transmission any = judged->hits->sequence[i];
         const double likelihood = rl_window_refine(judged->window, &any, judged->half_bits);
-        better = fmax(better, likelihood - judged->own);
+        better = fmax(better, likelihood - judged->log_likelihood);
     }
     return better;
 }
@@ -56,7 +56,7 @@ double rl_word_flip_bits(struct rl_case *judged, double too_much)
             }
             struct rl_transmission other = best;
             other.bits ^= rl_packet_bit(bit);
-            const double gained = rl_window_try(judged->window, &other) - judged->own;
+            const double gained = rl_window_try(judged->window, &other) - judged->log_likelihood;
             *alone = round == 0 ? (float)gained : *alone;
             if (gained > better) {
                 better = gained;

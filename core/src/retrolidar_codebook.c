@@ -42,10 +42,8 @@ void rl_codebook_start(struct rl_codebook *codebook, const uint16_t *ids, int co
         codebook->packet[word] = packet;
         codebook->dark[word] = (float)count_bits(packet);
         codebook->pairs[word] = 2.0f * (float)count_bits(packet & packet >> 1);
-        const uint8_t high = word_byte(packet, 0);
-        if (word == 0 || codebook->group[codebook->groups - 1].high != high) {
-            codebook->group[codebook->groups++] =
-                (struct rl_group){word, 0, high, INFINITY, INFINITY};
+        if (word == 0 || word_byte(packet, 0) != word_byte(codebook->packet[word - 1], 0)) {
+            codebook->group[codebook->groups++] = (struct rl_group){word, 0, INFINITY, INFINITY};
         }
         struct rl_group *group = &codebook->group[codebook->groups - 1];
         group->count++;
@@ -158,7 +156,7 @@ void rl_codebook_best(const struct rl_codebook *codebook, const struct rl_energy
     best[0] = best[1] = (struct rl_word){-1, least};
     for (int g = 0; g < codebook->groups; g++) {
         const struct rl_group *group = &codebook->group[g];
-        const float high = preamble + table[0][group->high];
+        const float high = preamble + table[0][word_byte(codebook->packet[group->first], 0)];
         const float power_of_any =
             is_whole ? rl_maxf(min_power(energy, smooth, group, smooth->group[g]), 0.0f) : 0.0f;
         const float min_sum = sqrtf(best[1].squared * power_of_any);

@@ -22,7 +22,6 @@ struct rl_energy {
 /* Packets whose words begin with the same byte. */
 struct rl_group {
     int first, count;
-    uint8_t high;      /* that byte */
     float dark, pairs; /* the least of n_1 and 2 n_11 */
 };
 

@@ -20,7 +20,7 @@ static bool may_be_lone(const struct rl_case *judged)
     lone.repeats = false;
     for (int packet = 0; packet <= judged->verdict.packets; packet++) {
         lone.start_s = transmission->start_s + packet * RL_PACKET_BITS * transmission->bit_s;
-        if (rl_window_try(judged->window, &lone) > judged->own - RL_AS_GOOD) {
+        if (rl_window_try(judged->window, &lone) > judged->log_likelihood - RL_AS_GOOD) {
             return true;
         }
     }
@@ -111,8 +111,8 @@ static bool is_evident(struct rl_case *judged)
     rl_window_refine(window, &verdict->transmission, judged->half_bits);
     judged->price =
         verdict->packets == 1 ? rl_window_follow_gain(window, &verdict->transmission) : 0.0;
-    judged->own = rl_window_try(window, &verdict->transmission);
-    verdict->evidence = judged->own - judged->price - rl_window_null(window);
+    judged->log_likelihood = rl_window_try(window, &verdict->transmission);
+    verdict->evidence = judged->log_likelihood - judged->price - rl_window_null(window);
     return verdict->evidence >=
            judged->thresholds->evidence - saved_start(judged) +
                cost_of_changes(verdict->transmission.bits) +
@@ -243,7 +243,7 @@ struct rl_verdict rl_decide(struct rl_case *judged)
         return *verdict;
     }
     rl_window_keep_gain(judged->window);
-    const double steady = judged->own - judged->price;
+    const double steady = judged->log_likelihood - judged->price;
     const double other =
         verdict->packets == 1 ? rl_clock_excess(judged->window, &verdict->transmission, steady)
                               : rl_clock_period_excess(judged->window, &verdict->transmission);

@@ -58,7 +58,7 @@ struct rl_case {
     const struct rl_codebook *codebook;
     const struct rl_thresholds *thresholds;
     const struct rl_hits *hits; /* that were found with it, rivals if they are of other IDs */
-    double consumed_until_s;    /* end of the packet that was read last in the channel [s] */
+    double read_until_s; /* end of the packet that was read last in the channel [s] */
     double since_s; /* earlier samples are left out, as its marker was not there [s] */
     double to_s;    /* end of the newest exposure [s] */
     bool follows;   /* whether packets of this ID and clock were read before */
@@ -69,8 +69,8 @@ struct rl_case {
     bool is_new;      /* whether its marker has just appeared */
     int silent_bits;  /* of the window, before the packet */
     double half_bits; /* from the start to the middle of the window */
-    double own;       /* its log likelihood */
-    double price;     /* of a gain that changes along it [nats] */
+    double log_likelihood; /* of it */
+    double price;          /* of a gain that changes along it [nats] */
     struct rl_bits bits;
 };
 

@@ -38,7 +38,7 @@ static void restart(struct rl_detector *detector, int64_t stamp_ns)
         detector->active_s[zone] = -INFINITY;
     }
     for (int channel = 0; channel < RL_MAX_CHANNELS; channel++) {
-        detector->consumed_until_s[channel] = -INFINITY;
+        detector->read_until_s[channel] = -INFINITY;
     }
 }
 

@@ -59,7 +59,7 @@ struct rl_detector {
     double newest_s; /* end of the newest frame that is searched */
     /* Nats that a hit must have, and by which any bits may be better than a hit. */
     double min_nats, max_llr_deficit;
-    double consumed_until_s[RL_MAX_CHANNELS]; /* end of the last packet read in each */
+    double read_until_s[RL_MAX_CHANNELS]; /* end of the last packet read in each */
     uint64_t read_anew; /* zones, and those beside them, that saw packets read since the last search
                          * of the residual ... */
     double read_from_s; /* ... and when the first of these began */
@@ -99,6 +99,9 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
  */
 bool rl_place(struct rl_detector *detector, const struct rl_reading *reading,
               struct rl_placement *placement);
+
+/* Insert a zone into a list of RL_MAX_READ at the most, the strongest first. */
+void rl_add_zone(int32_t *zones, int32_t *count, int zone, const double *strength);
 
 /* The packets of a verdict as a train. */
 struct rl_packet_train rl_train_of(const struct rl_verdict *verdict);

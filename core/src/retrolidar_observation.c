@@ -133,7 +133,7 @@ static double open_best(struct rl_case *judged, struct rl_transmission *lone)
     open_lone(judged, lone, 0.0);
     const double tight = refine_evident(window, lone, half_bits);
     const double silence_s =
-        fmin(RL_SILENT_BITS * lone->bit_s, lone->start_s - judged->consumed_until_s);
+        fmin(RL_SILENT_BITS * lone->bit_s, lone->start_s - judged->read_until_s);
     if (silence_s < lone->bit_s || tight < RL_COST_OF_GAIN) {
         return tight;
     }
@@ -187,7 +187,7 @@ void rl_observation_open(struct rl_case *judged)
         }
     }
     judged->half_bits = half_bits_of(judged);
-    judged->own = verdict->evidence + rl_window_null(judged->window);
+    judged->log_likelihood = verdict->evidence + rl_window_null(judged->window);
 }
 
 /* Whether any zone of a window has a valid sample. */

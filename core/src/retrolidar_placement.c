@@ -2,7 +2,6 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 /* When and where the marker of a reading is, from what all zones saw of it. */
-#include "retrolidar_amplitude.h"
 #include "retrolidar_detector_state.h"
 
 #include <math.h>
@@ -28,7 +27,7 @@ static struct rl_seen window_of(struct rl_detector *detector, const struct rl_ve
         .begin_s = samples->begin_s + *first,
         .end_s = samples->end_s + *first,
         .light = detector->window.light,
-        .alone = detector->window.part,
+        .orthogonal = detector->window.part,
         .other = detector->other,
     };
     rl_template(&verdict->transmission, seen.begin_s, seen.end_s, seen.rows,
@@ -102,8 +101,7 @@ static void choose_zones(const struct rl_samples *samples, const struct rl_readi
     for (int zone = 0; zone < samples->zones; zone++) {
         const bool has_part = certain[zone] > 0.0 && amplitude->of[zone] >= RL_MIN_PART * most;
         if (has_part || zone == reading->zone[0]) {
-            rl_add_zone(placement->zone, &placement->zones, RL_MAX_READ, zone,
-                        amplitude->of);
+            rl_add_zone(placement->zone, &placement->zones, zone, amplitude->of);
         }
     }
 }

@@ -175,6 +175,20 @@ uint64_t rl_pool_zones(const struct rl_pool *pool, double since_s)
     return zones;
 }
 
+void rl_add_zone(int32_t *zones, int32_t *count, int zone, const double *strength)
+{
+    int32_t at = *count;
+    if (at < RL_MAX_READ) {
+        (*count)++;
+    } else if (strength[zones[--at]] >= strength[zone]) {
+        return;
+    }
+    for (; at > 0 && strength[zones[at - 1]] < strength[zone]; at--) {
+        zones[at] = zones[at - 1];
+    }
+    zones[at] = zone;
+}
+
 /* Energy of a packet in a zone, fitted along with the interference; 0 without evidence. */
 static double energy_in(struct rl_window *window, int zone, const struct rl_verdict *verdict)
 {
@@ -201,7 +215,7 @@ static int32_t zones_of(struct rl_window *window, const struct rl_verdict *verdi
     }
     for (int i = 0; i < sum->zones; i++) {
         if (energy[sum->zone[i]] >= RL_MIN_PART * most) {
-            rl_add_zone(zones, &seen, RL_MAX_READ, sum->zone[i], energy);
+            rl_add_zone(zones, &seen, sum->zone[i], energy);
         }
     }
     return seen;
@@ -249,8 +263,7 @@ void rl_add_reading(struct rl_detector *detector, const struct rl_verdict *verdi
     detector->read_from_s = fmin(detector->read_from_s, reading->verdict.begin_s);
     for (int channel = 0; channel < samples->channels; channel++) {
         if ((samples->channel[channel].mask & track->zones) != 0) {
-            detector->consumed_until_s[channel] =
-                fmax(detector->consumed_until_s[channel], until_s);
+            detector->read_until_s[channel] = fmax(detector->read_until_s[channel], until_s);
         }
     }
 }

@@ -42,7 +42,7 @@ static int ready(const struct rl_detector *detector, double bits, bool that_vary
     int count = 0;
     for (int channel = 0; channel < samples->channels; channel++) {
         const int zones = samples->channel[channel].zones;
-        if (detector->consumed_until_s[channel] <= since_s &&
+        if (detector->read_until_s[channel] <= since_s &&
             (that_vary ? rl_noise_variation(samples, channel) > RL_ACTIVE : zones == 1)) {
             channels[count++] = channel;
         }
@@ -59,7 +59,7 @@ static int due(const struct rl_detector *detector, int *channels, int count, dou
     int kept = 0;
     for (int i = 0; i < count; i++) {
         const double since_s =
-            fmax(detector->consumed_until_s[channels[i]], 0.0) + bits * detector->settings.bit_s;
+            fmax(detector->read_until_s[channels[i]], 0.0) + bits * detector->settings.bit_s;
         if (since_s > from_s && since_s <= detector->newest_s) {
             channels[kept++] = channels[i];
         }
@@ -88,7 +88,7 @@ static uint64_t subtract_read(struct rl_detector *detector, double since_s, doub
             rest[zone] =
                 rl_residual_subtract(detector, zone, since_s - RL_CONTINUES_BITS * bit_s,
                                      since_s - RL_SEARCH_BITS * bit_s, NULL);
-            if (detector->consumed_until_s[zone] <= forgotten_s &&
+            if (detector->read_until_s[zone] <= forgotten_s &&
                 rest[zone] > RL_MOST * rl_noise_variation(samples, zone)) {
                 rl_residual_restore(detector, zone);
                 zones &= ~own;
@@ -171,7 +171,7 @@ static void search_appeared(struct rl_detector *detector)
         rl_decide_min_bits(&detector->search.codebook, &detector->settings.thresholds);
     for (int zone = 0; zone < detector->samples.zones; zone++) {
         const double since_s = detector->active_s[zone], bits = (to_s - since_s) / bit_s;
-        if (detector->consumed_until_s[zone] < since_s && bits >= min_bits &&
+        if (detector->read_until_s[zone] < since_s && bits >= min_bits &&
             bits < RL_PACKET_BITS) {
             search(detector, &zone, 1, 1, to_s, since_s);
         }

@@ -77,9 +77,10 @@ struct motion {
     double variance; /* of that; all zones share it */
 };
 
-/* Fit the motion of the marker to `alone`. If it bends, the mean is not where the marker was at the
- * mean time: the bend of a parabola counts by the odds that there is one (Bayes factor). What
- * successive samples have in common, as by other motion, adds to the variance of the mean.
+/* Fit the motion of the marker to its distances, which `orthogonal` holds. If it bends, the mean is
+ * not where the marker was at the mean time: the bend of a parabola counts by the odds that there is
+ * one (Bayes factor). What successive samples have in common, as by other motion, adds to the
+ * variance of the mean.
  *
  * expected: variance of a sample that the sensor is known for
  */
@@ -91,10 +92,10 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
         if (role[row] & OWN) {
             count += 1.0;
-            mean += seen->alone[row];
+            mean += seen->orthogonal[row];
             times += since_s * since_s;
             skew += since_s * since_s * since_s;
-            slope += since_s * seen->alone[row];
+            slope += since_s * seen->orthogonal[row];
         }
     }
     mean /= count;
@@ -107,7 +108,7 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
         const double since_s = (seen->begin_s[row] + seen->end_s[row]) / 2 - middle_s;
         if (role[row] & OWN) {
             const double shape = since_s * (since_s - skew) - level;
-            const double off = seen->alone[row] - mean - slope * since_s;
+            const double off = seen->orthogonal[row] - mean - slope * since_s;
             energy += shape * shape;
             cross += shape * off;
             squares += off * off;
@@ -127,7 +128,7 @@ static struct motion motion_of(const struct rl_seen *seen, const uint8_t *role, 
         if (role[row] & OWN) {
             const double shape = since_s * (since_s - skew) - level;
             const double off =
-                seen->alone[row] - mean - slope * since_s - chance * bend * shape;
+                seen->orthogonal[row] - mean - slope * since_s - chance * bend * shape;
             alike += off * before;
             before = off;
         }
@@ -204,7 +205,7 @@ bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct
     }
     *ranged = (struct rl_ranged){depth_m, 0.0, time_s, 0.0};
     for (int row = 0; row < seen->rows; row++) {
-        seen->alone[row] = (double)seen->distance[row];
+        seen->orthogonal[row] = (double)seen->distance[row];
     }
     const double shot_m = sensor->ranging_shot / fmax(signal, 1e-3);
     const double expected = shot_m * shot_m + sensor->ranging_floor_m * sensor->ranging_floor_m;

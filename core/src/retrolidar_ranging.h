@@ -1,12 +1,12 @@
 /* Copyright 2026 retrolidar_ros contributors
  * SPDX-License-Identifier: Apache-2.0
  */
-/* Distance of a marker, without the background behind it and other markers beside it. */
+/* Light and distance of a marker, without the background behind it and other markers beside it. */
 #ifndef RETROLIDAR_RANGING_H
 #define RETROLIDAR_RANGING_H
 
 #include "retrolidar_constants.h"
-#include "retrolidar_sensor.h"
+#include "retrolidar_samples.h"
 
 #include <stdbool.h>
 
@@ -28,7 +28,7 @@ struct rl_seen {
     const double *light;           /* how bright the marker was, 0 to 1 */
     int32_t others;                /* other markers that are known to blink in the zone ... */
     double *other;                 /* ... and their light, overwritten, others * rows */
-    double *alone;                 /* memory of rows: the part of the light orthogonal to theirs */
+    double *orthogonal;            /* memory of rows: the part of the light orthogonal to theirs */
     const uint8_t *valid;
     const float *signal;   /* [kcps/SPAD] */
     const float *distance; /* along the optical axis [m], NaN where there was no target */
@@ -44,16 +44,25 @@ struct rl_ranged {
 bool rl_ranging(const struct rl_seen *seen, float *values, uint8_t *role, struct rl_ranged *ranged);
 /* end of binding */
 
-/* Make the light of the others, and then the marker's own, orthogonal to all before it, over the
- * samples that have a role. Return the energy of the marker's own.
- */
-double rl_orthogonalise(const struct rl_seen *seen, const uint8_t *role);
+/* Fit of the light to the signal of each zone: gain, its variance, and the residual variance. */
+struct rl_amplitude {
+    double of[RL_MAX_ZONES], variance[RL_MAX_ZONES], noise[RL_MAX_ZONES];
+    /* By the samples in which the packet is dark, as these do not show how its gain changes: the
+     * gain's variance, and light that is not known, in the unit of the gain.
+     */
+    double dark_variance[RL_MAX_ZONES], unknown[RL_MAX_ZONES];
+    double score[RL_MAX_ZONES]; /* correlation of the signal with the light */
+};
+
+/* Fit the light of a packet, and of others that are known, to the signal of a zone. */
+void rl_fit_amplitude(const struct rl_samples *samples, const struct rl_seen *seen, int zone,
+                      struct rl_amplitude *amplitude);
 
 /* Whether the last of the others blinks in the valid samples. */
 bool rl_last_other_is_seen(const struct rl_seen *seen);
 
 /* Find the distance of the light that blinks in the samples that have a role, from a first guess;
- * false if none blinks. Then `alone` is the residual over the gain [m].
+ * false if none blinks. Then `orthogonal` is the residual over the gain [m].
  *
  * others: share of the signal that is light of other markers, 0 unless they are seen
  */

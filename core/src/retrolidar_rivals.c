@@ -129,7 +129,7 @@ double rl_rivals_margin(const struct rl_case *judged)
 {
     const struct rivals rivals = find_rivals(judged);
     const struct rl_hits *hits = judged->hits;
-    double nearest = judged->own - RL_MAX_MARGIN;
+    double nearest = judged->log_likelihood - RL_MAX_MARGIN;
     for (int i = 0; i < rivals.count; i++) {
         nearest = nearer_of(judged, rivals.best[i].transmission, nearest);
     }
@@ -141,32 +141,32 @@ double rl_rivals_margin(const struct rl_case *judged)
     if (!judged->verdict.transmission.repeats && !judged->follows) {
         nearest = fmax(nearest, rl_rivals_next(judged));
     }
-    return judged->own - nearest;
+    return judged->log_likelihood - nearest;
 }
 
 /* The same if markers are seen in a part of the window only: before a row, or from it on. */
 static double margin_of_part(const struct rl_case *judged, int split, bool later)
 {
     struct rl_window *window = judged->window;
-    struct rl_case part = *judged;
-    part.own = rl_window_try_part(window, &judged->verdict.transmission, split, later);
-    if (part.own < judged->own - RL_MAX_MARGIN) {
+    const struct rl_transmission *transmission = &judged->verdict.transmission;
+    if (rl_window_try_part(window, transmission, split, later) <
+        judged->log_likelihood - RL_MAX_MARGIN) {
         return RL_MAX_MARGIN;
     }
+    struct rl_case part = *judged;
     for (int bit = 0; bit < part.bits.count; bit++) {
-        const double middle_s =
-            part.bits.begin_s + (bit + 0.5) * judged->verdict.transmission.bit_s;
+        const double middle_s = part.bits.begin_s + (bit + 0.5) * transmission->bit_s;
         if ((middle_s < window->begin_s[split]) == later) {
             part.bits.flipped[bit] = 0.0f;
         }
     }
     const struct rivals rivals = find_rivals(&part);
-    double nearest = judged->own - RL_MAX_MARGIN;
+    double nearest = judged->log_likelihood - RL_MAX_MARGIN;
     for (int i = 0; i < rivals.count; i++) {
         const struct rl_transmission *other = &rivals.best[i].transmission;
         nearest = fmax(nearest, rl_window_try_part(window, other, split, later));
     }
-    return judged->own - nearest;
+    return judged->log_likelihood - nearest;
 }
 
 double rl_rivals_part_margin(const struct rl_case *judged)
@@ -257,5 +257,5 @@ double rl_rivals_successive_margin(const struct rl_case *judged)
                                              .bit_s = bit_s};
     }
     const double likelihood = shift_two(judged->window, &packet[0], &packet[1]);
-    return fmin(judged->own + two.price - likelihood, RL_MAX_MARGIN);
+    return fmin(judged->log_likelihood + two.price - likelihood, RL_MAX_MARGIN);
 }

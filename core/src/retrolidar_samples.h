@@ -70,22 +70,6 @@ static inline bool rl_zone_beside(int zone, int other, int columns)
     return abs(zone / columns - other / columns) <= 1 && abs(zone % columns - other % columns) <= 1;
 }
 
-/* Insert a zone into a list of at most `most`, the strongest first. */
-static inline void rl_add_zone(int32_t *zones, int32_t *count, int32_t most, int zone,
-                               const double *strength)
-{
-    int32_t at = *count;
-    if (at < most) {
-        (*count)++;
-    } else if (strength[zones[--at]] >= strength[zone]) {
-        return;
-    }
-    for (; at > 0 && strength[zones[at - 1]] < strength[zone]; at--) {
-        zones[at] = zones[at - 1];
-    }
-    zones[at] = zone;
-}
-
 /* Take the arrays. */
 void rl_samples_start(struct rl_samples *samples, const struct rl_sensor *sensor, int kept,
                       double bit_s, struct rl_memory *memory);

@@ -75,7 +75,8 @@ static void integrate_all(struct rl_search *search, const struct rl_trial *trial
     }
 }
 
-/* Try packets that end at one time, at all clocks; or rivals only: any bits, in lanes with words. */
+/* Try packets that end at one time, at all clocks; or rivals only: any bits, in lanes with words.
+ */
 static void try_ends(struct rl_search *search, int count, double end_s, bool rivals,
                      const struct rl_criteria *criteria)
 {

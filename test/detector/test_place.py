@@ -171,7 +171,7 @@ def ranged(
         'valid': array('uint8_t', np.full(rows, valid)),
         'signal': array('float', signal),
         'distance': array('float', distance),
-        'alone': array('double', np.zeros(rows)),
+        'orthogonal': array('double', np.zeros(rows)),
     }
     seen, found = ffi.new('struct rl_seen *', held), ffi.new('struct rl_ranged *')
     if not lib.rl_ranging(seen, ffi.new('float[]', rows), ffi.new('uint8_t[]', rows), found):
