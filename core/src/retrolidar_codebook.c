@@ -66,8 +66,7 @@ static float smooth_of(const struct rl_smooth *smooth, uint32_t bits)
 void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_energy *energy,
                         struct rl_smooth *smooth)
 {
-    smooth->own = energy->own;
-    smooth->adjacent = energy->adjacent;
+    smooth->energy = *energy;
     for (int byte = 0; byte < 256; byte++) {
         float alone = 0.0f, after = 0.0f, left = 0.0f, faded = 1.0f;
         for (int bit = 7; bit >= 0; bit--) {
@@ -87,8 +86,8 @@ void rl_codebook_smooth(const struct rl_codebook *codebook, const struct rl_ener
         smooth->group[g] = INFINITY;
         for (int word = group->first; word < group->first + group->count; word++) {
             smooth->word[word] = smooth_of(smooth, codebook->packet[word]);
-            const float power = smooth->own * codebook->dark[word] +
-                                smooth->adjacent * codebook->pairs[word] - smooth->word[word];
+            const float power = energy->own * codebook->dark[word] +
+                                energy->adjacent * codebook->pairs[word] - smooth->word[word];
             smooth->group[g] = rl_minf(smooth->group[g], power);
         }
     }
@@ -136,7 +135,8 @@ static inline float sum_of(float sum, uint32_t packet, const float table[WORD_BY
 static float min_power(const struct rl_energy *energy, const struct rl_smooth *smooth,
                        const struct rl_group *group, float least)
 {
-    const float own = energy->own - smooth->own, adjacent = energy->adjacent - smooth->adjacent;
+    const float own = energy->own - smooth->energy.own;
+    const float adjacent = energy->adjacent - smooth->energy.adjacent;
     return least + own * (own > 0.0f ? group->dark : (float)RL_PACKET_BITS) +
            adjacent * (adjacent > 0.0f ? group->pairs : 2.0f * RL_PACKET_BITS);
 }

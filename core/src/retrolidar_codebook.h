@@ -35,12 +35,13 @@ struct rl_codebook {
 };
 
 /* Energy that whitening removes, tabulated. `word`: of each packet. `group`: least energy left in
- * each group, at the energies `own` and `adjacent`. `alone`: of the bits of a byte; `after`: factor
+ * each group, at these energies of bits. `alone`: of the bits of a byte; `after`: factor
  * of what the bytes before it left over; `left`: what the byte leaves over for the next ones.
  */
 struct rl_smooth {
     float word[RL_IDS];
-    float own, adjacent, group[RL_GROUPS];
+    struct rl_energy energy;
+    float group[RL_GROUPS];
     float alone[256], after[256], left[256];
     float decay; /* of what is left over, per byte */
 };

@@ -73,8 +73,9 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector,
         .begin_s = transmission->repeats ? to_s - packets * packet_s : transmission->start_s,
         .end_s = transmission->repeats ? to_s : transmission->start_s + packet_s};
     /* A marker that was read up to three packets before may still be sending. */
-    rl_pool_interference(&detector->pool, detector->samples.channel[channel].mask,
-                         train.begin_s - 3.0 * packet_s, hit->id, hit->id, interference);
+    const double known_s = train.begin_s - 3.0 * packet_s;
+    const uint64_t zones = detector->samples.channel[channel].mask;
+    rl_pool_interference(&detector->pool, zones, known_s, hit->id, hit->id, interference);
     if (beside != NULL) {
         rl_interference_add(interference, beside);
     }
@@ -88,9 +89,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector,
         .since_s = since_s,
         .to_s = to_s,
         .follows = before != NULL,
-        .is_expected = before != NULL ||
-                       rl_pool_expects(&detector->pool,
-                                       detector->samples.channel[channel].mask, &train),
+        .is_expected = before != NULL || rl_pool_expects(&detector->pool, zones, &train),
         .word_before = before != NULL ? before->word : 0.0,
         .verdict = {channel, packets, hit->id, .transmission = *transmission},
     };
@@ -100,7 +99,7 @@ static struct rl_verdict decide_as_found(struct rl_detector *detector,
         (verdict.reason == RL_EVIDENCE || verdict.reason == RL_NOT_A_WORD ||
          verdict.reason == RL_MARGIN)) {
         judged = given;
-        decide_by_zone(detector, &judged, train.begin_s - 3.0 * packet_s, &verdict);
+        decide_by_zone(detector, &judged, known_s, &verdict);
     }
     return verdict;
 }

@@ -78,8 +78,8 @@ struct motion {
 };
 
 /* Fit the motion of the marker to its distances, which `orthogonal` holds. If it bends, the mean is
- * not where the marker was at the mean time: the bend of a parabola counts by the odds that there is
- * one (Bayes factor). What successive samples have in common, as by other motion, adds to the
+ * not where the marker was at the mean time: the bend of a parabola counts by the odds that there
+ * is one (Bayes factor). What successive samples have in common, as by other motion, adds to the
  * variance of the mean.
  *
  * expected: variance of a sample that the sensor is known for

@@ -29,7 +29,6 @@ struct kept {
 void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
                      struct rl_memory *memory)
 {
-    search->samples = samples;
     rl_view_start(&search->view, samples, memory);
 }
 
@@ -39,7 +38,7 @@ void rl_search_start(struct rl_search *search, const struct rl_samples *samples,
 static void plan(struct rl_search *search)
 {
     enum { FINE = 16 };
-    const double frames = search->samples->bit_s / search->samples->period_s;
+    const double frames = search->view.samples->bit_s / search->view.samples->period_s;
     if (fabs(frames - search->frames_a_bit) < 0.02 * frames) {
         return;
     }
@@ -84,7 +83,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool riv
     const int clocks = (int)(RL_MAX_SKEW * RL_PACKET_BITS / 2 * RL_PHASES + 0.999);
     struct rl_trial trial = {.end_s = end_s, .packets = 1};
     for (int clock = -clocks; clock <= clocks; clock++) {
-        trial.bit_s = search->samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
+        trial.bit_s = search->view.samples->bit_s * (1.0 + clock * RL_MAX_SKEW / clocks);
         rl_view_place_bit_edges(&search->view, &trial);
         integrate_all(search, &trial);
         for (int lane = 0; lane < count; lane++) {
@@ -99,7 +98,7 @@ static void try_ends(struct rl_search *search, int count, double end_s, bool riv
 static void search_ended(struct rl_search *search, int count, double from_s, double to_s,
                          const struct rl_criteria *criteria)
 {
-    const double eighth_s = search->samples->bit_s / EIGHTHS;
+    const double eighth_s = search->view.samples->bit_s / EIGHTHS;
     const double newest = floor(to_s / eighth_s);
     int back = 0;
     for (; (newest - back) * eighth_s > from_s; back++) {
@@ -137,7 +136,7 @@ static void search_stretches(struct rl_search *search, int count, int packets, d
                              const struct rl_criteria *criteria)
 {
     struct kept kept[RL_MAX_CHANNELS];
-    const double bit_s = search->samples->bit_s;
+    const double bit_s = search->view.samples->bit_s;
     const double half_bits = RL_PACKET_BITS * packets / 2.0;
     const int clocks = (int)(RL_MAX_SKEW * half_bits / 2 * RL_PHASES + 0.999);
     const double skew = RL_MAX_SKEW / clocks;
@@ -175,14 +174,14 @@ void rl_search_channels(struct rl_search *search, const struct rl_sought *sought
         RL_PACKET_BITS * (packets > 0 ? packets : 1) * (1.0 + RL_MAX_SKEW);
     const double bits = packets > 0 ? longest_bits + 2.0 : longest_bits + RL_PACKET_BITS + 1.0;
     const double first_s =
-        (packets > 0 ? sought->to_s : sought->from_s) - bits * search->samples->bit_s;
+        (packets > 0 ? sought->to_s : sought->from_s) - bits * search->view.samples->bit_s;
     plan(search);
     for (int strong = 0; strong < 2; strong++) {
         const struct rl_whitening *whitening =
             &search->whitening[!strong && packets == 0 ? FAINT_LONE : strong];
         int chosen[RL_MAX_CHANNELS], index[RL_MAX_CHANNELS], lanes = 0;
         for (int i = 0; i < count; i++) {
-            if ((rl_noise_variation(search->samples, channels[i]) > RL_STRONG) == strong) {
+            if ((rl_noise_variation(search->view.samples, channels[i]) > RL_STRONG) == strong) {
                 chosen[lanes] = channels[i];
                 search->shortlist[lanes].words = search->shortlist[lanes].sequences = 0;
                 index[lanes++] = i;

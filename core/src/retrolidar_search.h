@@ -80,7 +80,6 @@ struct rl_whitening {
 };
 
 struct rl_search {
-    const struct rl_samples *samples;
     struct rl_codebook codebook;
     struct rl_whitening whitening[3]; /* for faint and strong channels, and faint lone packets */
     double frames_a_bit;              /* for which the whitening was planned */
