@@ -5,18 +5,18 @@
 from evaluation.bench.changed_core import Part, parts_of
 
 _LINES = {
-    'earlier packets fitted along': 'interferers: i < {interference->count => 0}; i++',
-    'earlier packets: gains that change': 'interferers: changes < {2 => 1};',
-    'earlier packets: gains of either sign': 'interferers: light, {true => false})',
+    'earlier packets fitted along': 'window: i < {interference->count => 0}; i++',
+    'earlier packets: gains that change': 'window: changes < {2 => 1};',
+    'earlier packets: gains of either sign': 'window: light, {true => false})',
     'earlier packets: from their start on': 'template: {floor(before + WHOLE) => before}',
-    'the next packet without a search': 'process_frame: {judge_next(detector, from_s, to_s); => ;}',
+    'the next packet without a search': 'process_frame: {judge_next(detector, from_s); => ;}',
     'expected packets of any ID without a search': 'process_frame: '
     '{rl_judge_expected(detector, from_s); => ;}',
     'expected packets: no price of a start': 'decide: '
     'return {judged->is_expected ? RL_COST_OF_CHANCE : 0.0 => 0.0}',
     'expected packets: not one after two': 'pool: ended {== 1 || followed == 1 => + followed > 0}',
     'search of the residual': 'process_frame: '
-    '{search_residual(detector, floor(from_s / slot_s) * slot_s, to_s); => ;}',
+    '{search_residual(detector, floor(from_s / slot_s) * slot_s); => ;}',
     'search of the residual: gains for a level that hardly wanders': 'whitened: '
     'null_walk < {RL_WANDERS => RL_WALKS} ?',
     'residual searched again once it is known': 'process_frame: '
@@ -39,9 +39,10 @@ _LINES = {
     'pairs of packets: in the window of a lone one': 'pair: '
     '{first.begin_s = second.begin_s = lone->begin_s;\n'
     '    first.end_s = second.end_s = lone->end_s; => (void)lone;}',
-    'what has appeared, from fewer bits': 'process_frame: {search_appeared(detector, to_s); => ;}',
+    'what has appeared, from fewer bits': 'process_frame: {search_appeared(detector); => ;}',
     'what has appeared: less its first sample': 'process_frame: '
-    '*since_s == INFINITY ? {to_s => detector->samples.begin_s[detector->samples.count - 1]} :',
+    '*since_s == INFINITY ? {detector->newest_s '
+    '=> detector->samples.begin_s[detector->samples.count - 1]} :',
     'what has appeared: energy of bits seen': 'hits: {trial->seen => RL_ALL_BITS}, entry->shift',
     'what has appeared: bits in order of time': 'codebook: '
     '{rl_rotate_bits(packet, first) & seen '
@@ -51,11 +52,11 @@ _LINES = {
     'comes({bit_s => 2.0 * bit_s}, from_s, to_s)',
     'the last packet with every other bit': 'process_frame: STRETCH_BITS = {2 => RL_LOOK_BITS}',
     'lone packets': 'process_frame: '
-    '{search(detector, channels, count, 0, from_s, to_s, -INFINITY); => ;}',
+    '{search(detector, channels, count, 0, from_s, -INFINITY); => ;}',
     'several packets combined': 'process_frame: round < {rounds => 1} &&',
-    'sums of zones': 'process_frame: true, {RL_MAX_ZONES => 1}, channels',
+    'sums of zones': 'process_frame: {( => zones == 1 && (}that_vary ?',
     'sums of zones: erased by zones that vary': 'samples: {2.0 => 0.0} * variance <',
-    'sums of more than 2x2 zones': 'process_frame: true, {RL_MAX_ZONES => 4}, channels',
+    'sums of more than 2x2 zones': 'process_frame: {( => zones <= 4 && (}that_vary ?',
     'word test: bits turned': 'bits: if ({gained > better => false}) {',
     'word test: bits of the search': 'bits: i < {judged->hits->sequences => 0} &&',
     'margin to other IDs': 'decide: if ({verdict->margin < judged->thresholds->margin => false}) {',
@@ -101,7 +102,7 @@ _LINES = {
     'zones: those near the reading only': 'placement: '
     'if ({is_near(samples, reading, zone) => true})',
     'zones: light that is not known': 'placement: {ALIKE * amplitude->unknown[zone] => 0.0}',
-    'zones: by samples of dark bits': 'amplitude: {dark > 2.0 => false} ?',
+    'zones: by samples of dark bits': 'blinking: {dark > 2.0 => false} ?',
     'range: unsure where no zone surely sees the packet': 'placement: {is_seen => true} ? 0.0',
     'range: mean of all zones': 'placement: i < {placement->zones => 1}; i++',
     'range: other markers fitted along': 'placement: seen->others < {RL_MAX_OTHERS => 0};',
@@ -118,8 +119,8 @@ _LINES = {
     'range: zones at other times count less': 'placement: + {bend_m => 0.0} * bend_m',
     'range: variance of motion': 'placement: + {common => 0.0 * common};',
     'range: zones that differ': 'placement: fmax({spread => 0.0 * spread}, 1.0)',
-    'bearing: noise that goes on': 'amplitude: 1.0 + {2.0 => 0.0} * fmax(alike',
-    'bearing: few samples tell no gain': 'amplitude: count >= {RL_WORD_DISTANCE => 0.0}',
+    'bearing: noise that goes on': 'blinking: 1.0 + {2.0 => 0.0} * fmax(alike',
+    'bearing: few samples tell no gain': 'blinking: count >= {RL_WORD_DISTANCE => 0.0}',
     'bearing: neighbours': 'bearing: '
     '{1.0 / (variance[other] + doubt => (other == zone) / (doubt} * doubt)',
     'bearing: error of the model': 'bearing: MODEL_ERROR = {0.02 => 0.001}',
