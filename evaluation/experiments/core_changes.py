@@ -175,7 +175,7 @@ class CoreChanges:
         changes = self.changes()
         check_changes(changes)
         names = list(changes)[: 1 if quick else None]
-        seed, times, rooms = int(rng.integers(2**32)), *((0.01, 1) if quick else (0.3, 3))
+        seed, times, rooms = int(rng.integers(2**32)), *((0.01, 1) if quick else (0.3, 16))
 
         def measured(name: str) -> dict[str, Any]:
             row: dict[str, Any] = call_with(changes.get(name, ()), self.measure, seed, times)
